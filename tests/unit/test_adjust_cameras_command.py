@@ -126,7 +126,7 @@ def test_clocks_are_written_and_the_commands_that_read_them_apply_them(room, tmp
     result = invoke("adjust-cameras", room / "Calib.toml", room / "late", "-o", out, *LAYOUT)
     printed = " ".join(result.stdout.split())
     assert "cam2's frame numbers were 3.87 ± 0.13 too high, which was corrected." in printed
-    assert "Clocks are those of this recording" in printed
+    assert "commands that read the file apply them" in printed
     assert read_calibration(out).clocks == {"cam2": 4.0}
     given = run(Job(room / "Calib.toml", room / "late", layout="h36m17", offsets={"cam2": -4}))
     read = run(Job(out, room / "late", layout="h36m17", output=tmp_path / "run"))

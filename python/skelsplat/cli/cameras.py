@@ -216,7 +216,7 @@ def _print_written(found: AdjustedCameras, output: Path) -> None:
     else:
         say(f"Wrote {len(found.cameras)} cameras to {output}, lengths in {found.cameras.unit}.")
     if found.cameras.clocks:
-        say("Clocks are those of this recording; the commands that read the file apply them.")
+        say("The clocks hold for what was recorded here; commands that read the file apply them.")
     elif found.session.shared is None:
         for name, offsets in found.session.offsets.items():
             words = " ".join(f"--offset {camera}={frames}" for camera, frames in offsets.items() if frames)

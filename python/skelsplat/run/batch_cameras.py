@@ -99,7 +99,10 @@ def _adjusted(jobs: Mapping[str, Job], place: Path, key: str) -> AdjustedTogethe
             every = every or rig
         if every is None or len(scenes) < 2:
             return None
-        found = adjust_session(scenes, lambda name, moved: _scene(replace(jobs[name], offsets=moved))[1])
+        try:
+            found = adjust_session(scenes, lambda name, moved: _scene(replace(jobs[name], offsets=moved))[1])
+        except InvalidInputError:  # they have other joints
+            return None
     if found.adjustment is None:
         return None
     write_calibration(place, replace(found.of(every), clocks={}), note=f"skelsplat batch: {', '.join(jobs)}")

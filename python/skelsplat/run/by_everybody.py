@@ -16,9 +16,8 @@ from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.findings import Finding
 from skelsplat.rig_check import ReadAs, RigReport, check_rig
 from skelsplat.rig_check._scene import everybody, followed, in_mm, scene_of, several
-from skelsplat.run.solve import spread
+from skelsplat.run.solve import evened, step_of
 
-_MOST_EMPTY = 8  # frames are put at even times unless so many times as many are missing
 _ROUNDS = 3  # how often people are told apart anew with other cameras
 _SEES = 0.5  # of the people that it should see, relative to other cameras, a camera set right sees so many
 _STEP = 0.8  # a camera is taken as two if a step explains so much of how its distance from the others varies
@@ -48,11 +47,8 @@ class Scene:
         while it recorded is ``"knocked"``, and stays. Clocks are in frames of the files; ``given`` are
         arguments of `skelsplat.adjust_cameras`.
         """
-        steps = self.frames - self.frames[0]
-        step = int(np.gcd.reduce(steps)) or 1
-        people, places, frames = self.people, steps // step, self.frames
-        if places[-1] < _MOST_EMPTY * len(places):
-            people, frames = spread(people, places), np.arange(frames[0], frames[-1] + 1, step)
+        step = step_of(self.frames)
+        people, frames = evened(self.people, self.frames)
         found, everyone = _by_everybody(self.rig, people, self.layout, given)
         if len(self.rig) > 2 and not given.get("free"):
             found = _knocked(self.rig, found, everyone, frames, given)

@@ -29,12 +29,11 @@ from skelsplat.run.job import IncompleteJobError
 from skelsplat.run.person import are_people, pick_places
 from skelsplat.run.read import open_recording, rate_of, read_rig, videos_beside
 from skelsplat.run.session import different, padded
-from skelsplat.run.solve import spread
+from skelsplat.run.solve import evened, step_of
 
 _FILM = (
     "Film a person who walks about for ten seconds: two metres or more, turning once, and raising the arms"
 )
-_MOST_EMPTY = 8  # frames are put at even times unless so many times as many are missing
 
 Size = tuple[int, int]
 
@@ -121,10 +120,7 @@ class _Seen:
         stopped = frozen_finding(names, frozen(seen), found.frames)
         if stopped is not None:
             warn(stopped)
-        steps = found.frames - found.frames[0]
-        step = int(np.gcd.reduce(steps)) or 1
-        places = steps // step
-        return cls(recording, spread(seen, places) if places[-1] < _MOST_EMPTY * len(places) else seen, step)
+        return cls(recording, evened(seen, found.frames)[0], step_of(found.frames))
 
     def calibrated(self, people: Array, **asked: Any) -> sk.RigCalibration:
         """Find the cameras by these detections, with lenses, joints and frame rate of the recording."""

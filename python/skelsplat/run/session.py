@@ -16,6 +16,7 @@ from skelsplat.findings import Finding
 from skelsplat.rig_check import ReadAs
 from skelsplat.run.adjusted import findings_of, is_late, late, numbers_of, offsets_of
 from skelsplat.run.by_everybody import Scene, adjusted
+from skelsplat.run.solve import step_of
 
 Offsets = Mapping[str, float]
 """By camera, what is to be added to its frame numbers."""
@@ -121,7 +122,7 @@ class Joined:
     def starts(self) -> list[int]:
         """The number of the first frame of each, in the common count."""
         ends = np.cumsum(
-            [int(one.frames[-1] - one.frames[0]) + GAP * _step(one) for one in self.scenes.values()]
+            [int(one.frames[-1] - one.frames[0]) + GAP * step_of(one.frames) for one in self.scenes.values()]
         )
         return [0, *ends[:-1].tolist()]
 
@@ -139,11 +140,6 @@ class Joined:
         k = int(np.searchsorted(self.starts, number, side="right")) - 1
         name, scene = list(self.scenes.items())[k]
         return f"frame {number - self.starts[k] + int(scene.frames[0])} of {name}"
-
-
-def _step(scene: Scene) -> int:
-    """Return what frame numbers go up by."""
-    return int(np.gcd.reduce(scene.frames - scene.frames[0])) or 1
 
 
 def padded(people: Array, most: int) -> Array:

@@ -135,7 +135,7 @@ def even_clock(inputs: Inputs) -> tuple[Index, float]:
     if inputs.fps is None:
         raise TypeError("the frame rate is needed")
     gaps = np.diff(inputs.frames)
-    step = int(np.gcd.reduce(gaps)) or 1
+    step = step_of(inputs.frames)
     rate = inputs.fps / step
     most = max(1, int(np.ceil(_APART_S * rate)))
     return np.concatenate([[0], np.cumsum(np.minimum(gaps // step, most))]), rate
@@ -155,6 +155,23 @@ def _in_time(inputs: Inputs, config: sk.RefineConfig, progress: Progress) -> sk.
         progress=lambda done, total: progress(done * steps // total, steps),
     )
     return frames_of(result, places)
+
+
+def step_of(frames: Index) -> int:
+    """Return what frame numbers go up by."""
+    return int(np.gcd.reduce(frames - frames[0])) or 1
+
+
+def evened(values: Array, frames: Index) -> tuple[Array, Index]:
+    """Return the values (T, …) of frames at even times, NaN in between, and all frames.
+
+    As they are if most would be empty.
+    """
+    step = step_of(frames)
+    places = (frames - frames[0]) // step
+    if places[-1] >= _MOST_EMPTY * len(places):
+        return values, frames
+    return spread(values, places), np.arange(frames[0], frames[-1] + 1, step)
 
 
 def spread(values: Array, places: Index) -> Array:

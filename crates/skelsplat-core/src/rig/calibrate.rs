@@ -38,9 +38,9 @@ const EXPLAINED: f64 = 0.5;
 const ALIKE: f64 = 2.0;
 /// Distances explained by noise, in multiples of it.
 const WITHIN: f64 = 4.0;
-/// Cameras count as in step unless a clock is off by so many of its standard errors,
+/// A clock that was not asked for is off if it differs by this many standard errors,
 const SHOWN: f64 = 4.0;
-/// and by so many frames: what interpolation between two frames cannot mend is half of one.
+/// and by this many frames: less costs little.
 const LEAST_CLOCK: f64 = 0.5;
 
 /// What is unknown besides the cameras' places.
