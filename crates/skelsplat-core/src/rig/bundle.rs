@@ -18,7 +18,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, RowVector3, SMatrix, Vector2, Vector3}
 use rayon::prelude::*;
 
 use super::bias::{Follow, LastingErrors};
-use super::placed::{Change, Freedom, PARAMETERS, Placed, Residual, Step, ZOOM};
+use super::placed::{Change, Freedom, PARAMETERS, Placed, RADIAL, Residual, Step, ZOOM};
 use super::reduced::{Judged, Reduced, jackknife, lasting, summed};
 use super::scene::Scene;
 use crate::error::Result;
@@ -48,13 +48,15 @@ const PRIOR_TURN: f64 = 0.35;
 const PRIOR_SHIFT: f64 = 0.25;
 /// That of a clock, frames.
 const PRIOR_CLOCK: f64 = 30.0;
+/// That of k₁: lenses of 60 to 90° have −0.3 to 0.1.
+const PRIOR_RADIAL: f64 = 0.15;
 
 /// What is known of focal lengths beforehand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lenses {
     /// Standard deviation of the logarithm of a focal length.
     pub sigma: f64,
-    /// Whether all change by the same factor.
+    /// Whether all change alike.
     pub same: bool,
 }
 
@@ -200,6 +202,7 @@ impl Bundle<'_> {
             0..3 => PRIOR_TURN,
             3..6 => PRIOR_SHIFT * reach,
             ZOOM => self.lenses.sigma,
+            RADIAL => PRIOR_RADIAL,
             _ => PRIOR_CLOCK,
         }
     }
@@ -406,7 +409,7 @@ impl Bundle<'_> {
     }
 }
 
-/// Camera and parameter of every unknown; of a common focal length, the first camera.
+/// Camera and parameter of every unknown; of a common lens, the first camera.
 pub fn unknowns(freedom: &[Freedom], lenses: Lenses) -> Vec<(usize, usize)> {
     let mut out = Vec::new();
     for (i, k, q) in places(freedom, lenses) {
@@ -424,14 +427,12 @@ pub fn places(
 ) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
     let all = freedom.iter().enumerate();
     let all = all.flat_map(|(i, freedom)| freedom.columns().map(move |k| (i, k)));
-    let (mut next, mut common) = (0, None);
+    let (mut next, mut common) = (0, [None; PARAMETERS]);
     all.map(move |(i, k)| {
-        let tied = lenses.same && k == ZOOM;
-        let q = common.filter(|_| tied).unwrap_or(next);
+        let tied = lenses.same && (k == ZOOM || k == RADIAL);
+        let q = common[k].filter(|_| tied).unwrap_or(next);
         next += usize::from(q == next);
-        if tied {
-            common = Some(q);
-        }
+        common[k] = Some(q);
         (i, k, q)
     })
 }

@@ -46,7 +46,7 @@ const LEAST_CLOCK: f64 = 0.5;
 /// What is unknown besides the cameras' places.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Unknown {
-    /// Focal lengths.
+    /// Focal lengths, and how lenses without coefficients distort.
     pub focal: bool,
     /// All cameras have one focal length.
     pub same_focal: bool,
@@ -114,7 +114,8 @@ pub fn calibrate_cameras(
             clock.map(|clock| Placed { camera: camera.clone(), clock })
         };
         let start: Vec<Option<Placed>> = given.iter().zip(clocks).map(placed).collect();
-        Task { given: &given, frames: &used, layout, unknown }.solve(&start, progress)
+        let distorted = config.undistort;
+        Task { given: &given, frames: &used, layout, unknown, distorted }.solve(&start, progress)
     })
 }
 
@@ -159,6 +160,8 @@ struct Task<'a> {
     frames: &'a [Detections],
     layout: &'a Layout,
     unknown: Unknown,
+    /// Whether pixels are as lenses distort them.
+    distorted: bool,
 }
 
 impl Task<'_> {
@@ -249,8 +252,11 @@ impl Task<'_> {
         cameras.iter_mut().for_each(|camera| camera.clock -= first);
         let seen = self.of_views(views);
         let Unknown { focal, clock, .. } = self.unknown;
-        let mut freedom = vec![Freedom { focal, clock, ..Freedom::PLACE }; views.len()];
-        freedom[0] = Freedom { focal, ..Freedom::default() };
+        let distorted = |i: &usize| self.distorted && self.given[*i].distortion().is_none();
+        let lens = |i| Freedom { focal, radial: focal && distorted(i), ..Freedom::default() };
+        let free = |i| Freedom { turn: true, shift: true, clock, ..lens(i) };
+        let mut freedom: Vec<Freedom> = views.iter().map(free).collect();
+        freedom[0] = lens(&views[0]);
         let chosen = self.shared(&seen, &cameras, frames);
         let plain = Scene::new(&seen);
         let motion = clock.then(|| JointMotion::of(plain, &chosen, &cameras));

@@ -1,16 +1,19 @@
-//! A camera that may be wrong: its place, focal length and clock, and how pixels depend on them.
+//! A camera that may be wrong: its place, lens and clock, and how pixels depend on them.
 
 use nalgebra::{Matrix3, Rotation3, SMatrix, UnitQuaternion, Vector2, Vector3};
 
-use crate::camera::Camera;
+use crate::camera::{Camera, Distortion};
 use crate::error::Result;
 
-/// Number of parameters of a camera: turn, shift, logarithm of the focal length, clock.
-pub const PARAMETERS: usize = 8;
+/// Number of parameters of a camera: turn, shift, logarithm of the focal length, clock, radial
+/// distortion k₁.
+pub const PARAMETERS: usize = 9;
 /// The parameter of the focal length.
 pub(super) const ZOOM: usize = 6;
 /// The parameter of the clock.
 pub(super) const CLOCK: usize = 7;
+/// The parameter of the radial distortion.
+pub(super) const RADIAL: usize = 8;
 
 /// A small change of a camera.
 pub type Step = SMatrix<f64, PARAMETERS, 1>;
@@ -29,21 +32,26 @@ pub struct Freedom {
     pub focal: bool,
     /// Its clock.
     pub clock: bool,
+    /// Its first radial coefficient; not of fisheyes.
+    pub radial: bool,
 }
 
 impl Freedom {
     /// Orientation and position.
-    pub const PLACE: Self = Self { turn: true, shift: true, focal: false, clock: false };
+    pub const PLACE: Self = Self { turn: true, shift: true, ..Self::NONE };
     /// The clock.
-    pub const CLOCK: Self = Self { turn: false, shift: false, focal: false, clock: true };
+    pub const CLOCK: Self = Self { clock: true, ..Self::NONE };
+    const NONE: Self =
+        Self { turn: false, shift: false, focal: false, clock: false, radial: false };
 
     /// Indices of the free parameters.
     pub fn columns(self) -> impl Iterator<Item = usize> {
-        let free = move |k: &usize| match k {
+        let free = move |k: &usize| match *k {
             0..3 => self.turn,
             3..6 => self.shift,
-            6 => self.focal,
-            _ => self.clock,
+            ZOOM => self.focal,
+            CLOCK => self.clock,
+            _ => self.radial,
         };
         (0..PARAMETERS).filter(free)
     }
@@ -56,13 +64,14 @@ impl Freedom {
             Self { shift: self.shift, ..none },
             Self { focal: self.focal, ..none },
             Self { clock: self.clock, ..none },
+            Self { radial: self.radial, ..none },
         ];
         all.into_iter().filter(|part| part.any())
     }
 
     /// Whether anything may change.
     pub fn any(self) -> bool {
-        self.turn || self.shift || self.focal || self.clock
+        self.turn || self.shift || self.focal || self.clock || self.radial
     }
 }
 
@@ -103,7 +112,8 @@ impl Placed {
     /// The residual of a detection of the point `x`; `None` behind the camera.
     ///
     /// With p = R x + t and δp = ω × p − R δc, and A = ∂u/∂x = J R: ∂u/∂ω = −A Rᵀ\[p\]ₓ, ∂u/∂c =
-    /// −A, ∂u/∂(ln f) = u − c₀. A later clock takes the detection from a later frame, ∂r/∂τ = −v.
+    /// −A, ∂u/∂(ln f) = u − c₀, and with the ideal point x = p/p₃, ∂u/∂k₁ = f |x|² x. A later clock takes
+    /// the detection from a later frame, ∂r/∂τ = −v.
     pub fn residual(&self, x: &Vector3<f64>, sight: &Sight) -> Option<Residual> {
         let (pixel, by_point) = self.camera.project_with_jacobian(x)?;
         let (rotation, p) = (self.camera.rotation(), self.camera.to_camera(x));
@@ -113,8 +123,11 @@ impl Placed {
         let mut by_camera = Slope::zeros();
         by_camera.fixed_columns_mut::<3>(0).copy_from(&turn);
         by_camera.fixed_columns_mut::<3>(3).copy_from(&-by_point);
-        by_camera.set_column(6, &(pixel - Vector2::new(cx, cy)));
-        by_camera.set_column(7, &-sight.speed);
+        let ideal = p.xy() / p.z;
+        let outward = ideal * ideal.norm_squared();
+        by_camera.set_column(ZOOM, &(pixel - Vector2::new(cx, cy)));
+        by_camera.set_column(CLOCK, &-sight.speed);
+        by_camera.set_column(RADIAL, &Vector2::new(fx * outward.x, fy * outward.y));
         let value = pixel - sight.pixel;
         Some(Residual { value, by_point, by_camera, pixel: p.z / (fx * fy).sqrt() })
     }
@@ -127,8 +140,14 @@ impl Placed {
         }
         let rotation = turned(self.camera.rotation(), &step.fixed_rows::<3>(0).into_owned());
         let centre = self.camera.centre() + step.fixed_rows::<3>(3);
-        let camera = rebuilt(&self.camera, &rotation, &centre, step[6].exp())?;
-        Ok(Self { camera, clock: self.clock + step[7] })
+        let mut camera = rebuilt(&self.camera, &rotation, &centre, step[ZOOM].exp())?;
+        if step[RADIAL] != 0.0 {
+            let mut lens = camera.distortion().coefficients();
+            lens.resize(lens.len().max(4), 0.0);
+            lens[0] += step[RADIAL];
+            camera = camera.with_distortion(Distortion::brown_conrady(&lens)?);
+        }
+        Ok(Self { camera, clock: self.clock + step[CLOCK] })
     }
 }
 
@@ -161,6 +180,11 @@ pub(super) fn rebuilt(
     })
 }
 
+/// The first radial coefficient; 0 of a pinhole.
+fn k1(camera: &Camera) -> f64 {
+    camera.distortion().coefficients().first().copied().unwrap_or(0.0)
+}
+
 /// How one camera differs from another.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Change {
@@ -172,6 +196,8 @@ pub struct Change {
     pub zoom: f64,
     /// Frames.
     pub clock: f64,
+    /// Difference of k₁.
+    pub radial: f64,
 }
 
 impl Change {
@@ -186,6 +212,7 @@ impl Change {
             shift: new.camera.centre() - old.camera.centre(),
             zoom: new.camera.focal()[0] / old.camera.focal()[0],
             clock: new.clock - old.clock,
+            radial: k1(&new.camera) - k1(&old.camera),
         }
     }
 
@@ -194,8 +221,9 @@ impl Change {
         match k {
             0..3 => self.turn[k],
             3..6 => self.shift[k - 3],
-            6 => self.zoom.ln(),
-            _ => self.clock,
+            ZOOM => self.zoom.ln(),
+            CLOCK => self.clock,
+            _ => self.radial,
         }
     }
 }

@@ -408,6 +408,7 @@ pub fn both(a: Freedom, b: Freedom) -> Freedom {
         shift: a.shift || b.shift,
         focal: a.focal || b.focal,
         clock: a.clock || b.clock,
+        radial: a.radial || b.radial,
     }
 }
 
