@@ -70,6 +70,8 @@ _JOINTS = (
 _BONES = [(0, 1), (1, 2), (3, 4), (4, 5), (6, 7), (8, 9), (9, 10), (11, 12), (12, 13)]
 BODY = sk.Layout("h36m14", _JOINTS, limbs=_BONES, human=True)
 LIMBS = [*range(6), *range(8, 14)]
+# Frames in which joints are placed by the found cameras.
+JUDGED = 100
 # Errors of a camera, and factors.
 UNITS = {"°": 1.0, "mm": 1.0, "focal %": 100.0, "frames": 1.0}
 
@@ -192,6 +194,14 @@ def similarity(a: FloatArray, b: FloatArray, turns: FloatArray | float = 0.0) ->
     return Q, float((b * (a @ Q.T)).sum() / (a**2).sum())
 
 
+def aligned(points: FloatArray, truth: FloatArray) -> tuple[FloatArray, float]:
+    """Return how far points (T, N, 3) are from others, aligned by a similarity as a whole, and its scale."""
+    known = np.isfinite(points + truth).all(axis=-1)
+    a, b = points[known], truth[known]
+    Q, scale = similarity(a - a.mean(axis=0), b - b.mean(axis=0))
+    return scale * (points - a.mean(axis=0)) @ Q.T + b.mean(axis=0) - truth, scale
+
+
 def judged(one: Recording, found: sk.RigCalibration) -> dict[str, Any]:
     """Compare a calibration with the truth; the useless camera does not count."""
     there = [i for i, camera in enumerate(found.report) if camera.status == "placed"]
@@ -224,6 +234,12 @@ def judged(one: Recording, found: sk.RigCalibration) -> dict[str, Any]:
     for k, (head, unit) in enumerate(UNITS.items()):
         if errors[k].any():
             row |= {head: unit * errors[k].max(), f"± {head}": unit * np.max(bars, axis=0)[k]}
+    if one.oracle is None:
+        truth = one.truth[:: max(1, len(one.truth) // JUDGED)]
+        seen = sk.project(truth, [one.true[i] for i in own])
+        placed = sk.triangulate(np.moveaxis(seen, 0, 1), list(own.values()))
+        left, size = aligned(placed, truth)
+        row |= {"joints mm": float(np.sqrt(np.nanmean(left**2))), "± joints": size * found.cameras.joint_sigma}
     return row | {"scale %": 100 * off, "tilt": tilt}
 
 
@@ -231,11 +247,8 @@ def limbs(one: Recording, detections: FloatArray, cameras: sk.CameraRig, late: f
     """Return the mean error of the joints of the limbs, mm, of a take aligned as a whole."""
     pose = sk.refine_sequence(detections, cameras, fps=one.fps, layout=one.layout, config=ONE_THREAD).pose
     truth = shifted(one.truth, -late)
-    known = np.isfinite(pose + truth).all(axis=-1)
-    a, b = pose[known], truth[known]
-    Q, scale = similarity(a - a.mean(axis=0), b - b.mean(axis=0))
-    aligned = scale * (pose - a.mean(axis=0)) @ Q.T + b.mean(axis=0)
-    return float(np.nanmean(np.linalg.norm(aligned - truth, axis=-1)[:, LIMBS]))
+    left, _ = aligned(pose, truth)
+    return float(np.nanmean(np.linalg.norm(left, axis=-1)[:, LIMBS]))
 
 
 def with_oracle(one: Recording, row: dict[str, Any], found: sk.RigCalibration) -> dict[str, Any]:

@@ -109,10 +109,11 @@ class RigCalibration:
     layout (``up_sigma`` is NaN), it is that of the first camera.
 
     ``scale_sigma`` is the relative standard error of all lengths, ``up_sigma`` that of the direction up in
-    degrees. ``doubts`` say why the recording does not tell the cameras' places: ``"places"`` (an error bar is
-    above 3° or 6 % of the camera's distance), ``"movement"`` (the person hardly moves), ``"periodic"`` (other
-    clocks explain as much), ``"clocks"`` (cameras are out of step), ``"cameras"`` (half of them or more are
-    left out, or two are left to tell focal lengths). Without any, the rig is ``sure``.
+    degrees, and ``cameras.joint_sigma`` how far joints are off besides. ``doubts`` say why the recording does
+    not tell the cameras' places: ``"places"`` (an error bar is above 3° or 6 % of the camera's distance),
+    ``"movement"`` (the person hardly moves), ``"periodic"`` (other clocks explain as much), ``"clocks"``
+    (cameras are out of step), ``"cameras"`` (half of them or more are left out, or two are left to tell focal
+    lengths). Without any, the rig is ``sure``.
     """
 
     cameras: CameraRig
@@ -164,14 +165,15 @@ def calibrate_cameras(
         The frames in order, NaN where missing; with up to P people in a view, in any order.
     intrinsics : sequence of Intrinsics or Camera
         One for each view; of a `Camera`, the place is ignored. ``K`` of all, or of none: focal lengths are
-        then found as well, which takes three cameras.
+        then found as well, which takes three cameras, and so is a radial coefficient of lenses without
+        ``distortion``.
     stature : float, optional
         Of the person, or the mean of several, in metres. Without it and ``distance``, that of adults,
         1.70 ± 0.09 m.
     distance : (camera, camera, float), optional
         Of two cameras by name or number, in metres.
     same_focal : bool
-        Whether unknown focal lengths are all the same: cameras of one kind.
+        Whether unknown focal lengths, and lenses, are all the same: cameras of one kind.
     clock : bool
         Look for clocks that differ by up to 10 s, and to parts of a frame; needs ``fps``. Otherwise clocks
         are equal, unless they are clearly not, by half a frame to some frames.
@@ -295,7 +297,8 @@ def _in_world(
     floor = find_floor(points, layout, stature) if math.isfinite(stature) else None
     axes, origin = _world(floor, there[0])
     named = {names[i]: clock for i, clock in clocks.items()}
-    placed = CameraRig([moved(camera, axes, origin, scale) for camera in there], clocks=named)
+    cameras_there = [moved(camera, axes, origin, scale) for camera in there]
+    placed = CameraRig(cameras_there, clocks=named, joint_sigma=scale * float(found["joint_sigma"]))
     report = tuple(_report(found, names, i, scale) for i in range(len(cameras)))
     up_sigma = math.nan if floor is None else floor.sigma_deg
     still = [] if max(map(movement, of_each)) >= _LEAST_MOVED else ["movement"]
@@ -371,7 +374,8 @@ class _Size:
 
 def _report(found: Mapping[str, Array], names: Sequence[str], i: int, scale: float) -> CalibratedCamera:
     """Return what was found about camera `i`."""
-    value = {key: float(column[i]) for key, column in found.items() if key not in ("used", "stature")}
+    columns = {key: column for key, column in found.items() if key not in ("used", "stature", "joint_sigma")}
+    value = {key: float(column[i]) for key, column in columns.items()}
     return CalibratedCamera(
         name=names[i],
         status="placed" if found["used"][i] else "left_out",

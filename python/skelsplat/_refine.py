@@ -44,7 +44,7 @@ class Refinement:
         the same detector would give.
     joint_bias : (…, N) float64
         Standard deviation per axis of the detector's joints from anatomical ones, from
-        ``config.joint_bias_mm``.
+        ``config.joint_bias_mm``, and of what the ``joint_sigma`` of a `CameraRig` adds.
     error_bar : (…, N, 3, 3) float64
         ``uncertainty + joint_bias² I``, unit²: the covariance of the distance from an anatomical joint.
     view_weights : (…, M, N) float64

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -156,7 +156,7 @@ def adjust_cameras(
         for place, values in zip(places, numbers_of, strict=True)
     ]
     fitted, judged = out["frames"]
-    return RigAdjustment(CameraRig(adjusted, rig.unit), tuple(report), fitted, judged)
+    return RigAdjustment(replace(rig, cameras=adjusted, clocks={}), tuple(report), fitted, judged)
 
 
 def _number(rig: CameraRig, camera: str | int) -> int:

@@ -25,11 +25,15 @@ class CameraRig(Sequence[Camera]):
     count is ahead, its frame f + clock is frame f of the others. Detections are put in step by them where
     they are read from files (`skelsplat.io.read_detections`); arrays are taken as they are. What does not fit
     is an `InvalidInputError`.
+
+    `joint_sigma`, in `unit`, is of cameras whose places were estimated: the standard deviation per axis by
+    which joints are off for it, with all of a recording aligned as a whole. Error bars of poses include it.
     """
 
     cameras: Sequence[Camera]
     unit: str = "mm"
     clocks: Mapping[str, float] = field(default_factory=dict)
+    joint_sigma: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cameras", tuple(self.cameras))
@@ -48,6 +52,8 @@ class CameraRig(Sequence[Camera]):
                 raise InvalidInputError(f"clocks: expected one of {', '.join(self.names)}, got {name!r}")
             if not math.isfinite(clock):
                 raise InvalidInputError(f"clocks[{name}]: expected a number of frames, got {clock}")
+        if not 0.0 <= self.joint_sigma < math.inf:
+            raise InvalidInputError(f"joint_sigma: expected a length of at least 0, got {self.joint_sigma}")
         object.__setattr__(self, "clocks", {name: float(one) for name, one in self.clocks.items() if one})
 
     @property
@@ -59,6 +65,11 @@ class CameraRig(Sequence[Camera]):
     def names(self) -> tuple[str, ...]:
         """Name of each camera; ``"0"``, ``"1"``, … for those without one."""
         return tuple(c.name if c.name is not None else str(i) for i, c in enumerate(self.cameras))
+
+    def of(self, cameras: Sequence[Camera]) -> CameraRig:
+        """Return a rig of these cameras; those called as before keep their clocks."""
+        kept = replace(self, cameras=cameras, clocks={})
+        return replace(kept, clocks={name: self.clocks.get(name, 0.0) for name in kept.names})
 
     def __len__(self) -> int:
         return len(self.cameras)
@@ -72,8 +83,7 @@ class CameraRig(Sequence[Camera]):
     def __getitem__(self, key: slice) -> CameraRig: ...
     def __getitem__(self, key: int | str | slice) -> Camera | CameraRig:
         if isinstance(key, slice):
-            kept = CameraRig(self.cameras[key], self.unit)
-            return replace(kept, clocks={name: self.clocks.get(name, 0.0) for name in kept.names})
+            return self.of(self.cameras[key])
         if isinstance(key, str):
             if key not in self.names:
                 raise KeyError(f"no camera called {key!r}; there are {', '.join(self.names)}")

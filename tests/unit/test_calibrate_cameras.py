@@ -116,6 +116,43 @@ def test_focal_lengths_are_found(same: bool) -> None:
         assert np.ptp([camera.K[0, 0] / max(camera.size) for camera in found.cameras]) < 1e-9
 
 
+def test_the_lens_is_found_where_it_is_unknown() -> None:
+    rig, noise = synthetic.human36m_like(distortion=True), DetectionNoise.recording(frame_rate=FPS)
+    poses = roaming((20 + np.arange(FRAMES)) / FPS)
+    through_lens = synthetic.simulate_detections(poses, rig, noise=noise, layout=LAYOUT, seed=3)
+    found = sk.calibrate_cameras(through_lens, BLANK, layout=LAYOUT, same_focal=True)
+    check_shape(found, 1.5, 250.0)
+    k1 = [np.asarray(camera.distortion)[0] for camera in found.cameras]
+    assert np.ptp(k1) == 0.0
+    assert k1[0] == pytest.approx(-0.2, abs=0.1)
+    ideal = sk.RefineConfig(undistort=False)
+    pinhole = sk.calibrate_cameras(walk(), BLANK, layout=LAYOUT, same_focal=True, config=ideal)
+    assert [camera.distortion for camera in pinhole.cameras] == [None] * 4
+
+
+def test_joints_are_off_by_what_is_said_of_them() -> None:
+    found, truth = known(), roaming((20 + np.arange(FRAMES)) / FPS)
+    exact = np.moveaxis(sk.project(truth, list(RIG)), 0, 1)
+    a, b = sk.triangulate(exact, found.cameras).reshape(-1, 3), truth.reshape(-1, 3)
+    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+    u, scales, w = np.linalg.svd(b.T @ a)
+    left = (scales.sum() / (a**2).sum()) * a @ (u @ w).T - b
+    assert np.sqrt((left**2).mean()) < 2 * found.cameras.joint_sigma < 8.0
+
+
+def test_error_bars_of_poses_contain_that_of_the_cameras() -> None:
+    rig, bare = known().cameras, sk.CameraRig(list(known().cameras))
+    frames, tracker = walk()[:6], sk.Refiner(rig, layout=LAYOUT)
+    refined = [sk.refine(None, frames, cameras, layout=LAYOUT) for cameras in (bare, rig)]
+    over_time = [sk.refine_sequence(frames, cameras, fps=FPS, layout=LAYOUT) for cameras in (bare, rig)]
+    live = tracker.step(frames[0])
+    for without, with_rig in (refined, over_time):
+        expected = np.hypot(without.joint_bias, rig.joint_sigma)
+        np.testing.assert_allclose(with_rig.joint_bias, expected, rtol=1e-12)
+        np.testing.assert_array_equal(without.pose, with_rig.pose)
+    np.testing.assert_array_equal(live.joint_bias, refined[1].joint_bias[0])
+
+
 def test_clocks_are_found_in_parts_of_a_frame() -> None:
     late = seen(late=LATE)[:, :3]
     found = sk.calibrate_cameras(late, list(RIG)[:3], layout=LAYOUT, fps=FPS, clock=True)

@@ -114,10 +114,11 @@ def test_writing_and_reading_gives_the_same_rig(tmp_path, suffix):
         sk.Camera(K, turn, [1 / 3, k, 3], size=(640 + k, 480), name=name, distortion=one, fisheye=name == "c")
         for k, (name, one) in enumerate(lens.items())
     ]
-    path, rig = tmp_path / f"rig{suffix}", sk.CameraRig(cameras, "m", {"b": -3.25, "c": 0.0})
+    path, rig = tmp_path / f"rig{suffix}", sk.CameraRig(cameras, "m", {"b": -3.25, "c": 0.0}, 0.0031)
     write_calibration(path, rig)
     copy = read_calibration(path)
-    assert (copy.unit, copy.clocks) == ("m", {"b": -3.25})
+    assert (copy.unit, copy.clocks, copy.joint_sigma) == ("m", {"b": -3.25}, 0.0031)
+    assert convert_unit(copy, "cm")[1:].joint_sigma == pytest.approx(0.31)
     assert (convert_unit(copy, "mm").clocks, copy[1:].clocks, copy[2:].clocks) == ({"b": -3.25},) * 2 + ({},)
     for a, b in zip(rig, copy, strict=True):
         # TOML stores three numbers for the nine of a rotation: entries up to 1, a few ulp each way

@@ -60,6 +60,8 @@ impl<'py> FromPyObject<'_, 'py> for Camera {
 pub(crate) struct Cameras {
     pub(crate) cameras: Vec<Core>,
     pub(crate) unit: Unit,
+    /// `joint_sigma` of a `CameraRig`.
+    pub(crate) joint_sigma: f64,
 }
 
 impl<'py> FromPyObject<'_, 'py> for Cameras {
@@ -70,6 +72,10 @@ impl<'py> FromPyObject<'_, 'py> for Cameras {
         let unit = match value.getattr_opt("unit")? {
             Some(name) => Unit::by_name(&name.extract::<String>()?)?,
             None => Unit::default(),
+        };
+        let joint_sigma = match value.getattr_opt("joint_sigma")? {
+            Some(sigma) => sigma.extract()?,
+            None => 0.0,
         };
         let words = || Error::invalid("cameras", expected, type_name(&value));
         let items = value.try_iter().map_err(|e| in_words(value.py(), e, words))?;
@@ -82,7 +88,7 @@ impl<'py> FromPyObject<'_, 'py> for Cameras {
         if cameras.is_empty() {
             return refuse("cameras", expected, "none");
         }
-        Ok(Self { cameras, unit })
+        Ok(Self { cameras, unit, joint_sigma })
     }
 }
 

@@ -107,7 +107,7 @@ pub(crate) fn triangulate(
     let method = TriangulationMethod::by_name(method)?;
     let frames = detections.with(confidence)?;
     frames.expect_views(cameras.cameras.len())?;
-    let (given, Cameras { cameras, unit }) = (frames.detections()?, cameras);
+    let (given, Cameras { cameras, unit, .. }) = (frames.detections()?, cameras);
     let short = watch::is_short(given.len(), frames.n_views, frames.n_joints);
     let found: Vec<Triangulated> = watch::run(py, short, move |progress| {
         let solve =

@@ -35,7 +35,8 @@ pub(crate) fn refiner(
 ) -> Result<Refiner> {
     let config = config.map_or_else(Default::default, |config| config.0);
     let layout = layout.map(|layout| layout.0);
-    Ok(Refiner::new(&cameras.cameras, cameras.unit, layout.as_ref(), config)?)
+    let refiner = Refiner::new(&cameras.cameras, cameras.unit, layout.as_ref(), config)?;
+    Ok(refiner.with_rig_sigma(cameras.joint_sigma))
 }
 
 /// Cameras, layout and settings, prepared for any number of frames.

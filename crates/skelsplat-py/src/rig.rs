@@ -62,7 +62,7 @@ pub(crate) fn adjust_cameras<'py>(
 }
 
 /// Return placed cameras in any scale, the fields of every ``skelsplat.CalibratedCamera``, radians,
-/// and the person's stature in this scale.
+/// and in this scale the person's stature and how far joints are off because of the cameras.
 #[pyfunction]
 #[pyo3(signature = (
     detections, cameras, clocks, layout, *, focal=false, same_focal=false, clock=false,
@@ -101,5 +101,6 @@ pub(crate) fn calibrate_cameras<'py>(
     out.set_item("distance", each(|camera| camera.distance))?;
     out.set_item("explained", each(|camera| camera.explained))?;
     out.set_item("stature", done.stature)?;
+    out.set_item("joint_sigma", done.joint_sigma)?;
     Ok((cameras.into_iter().map(|camera| Camera(camera.placed.camera)).collect(), out))
 }

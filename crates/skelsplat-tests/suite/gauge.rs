@@ -1,13 +1,14 @@
 //! Error bars of a rig as a whole free, against its directions by central differences.
 
 use nalgebra::{DMatrix, Rotation3, Vector2, Vector3};
-use skelsplat_core::Camera;
-use skelsplat_core::study::rig::bundle::Lenses;
-use skelsplat_core::study::rig::gauge::removed;
+use skelsplat_core::study::rig::bundle::{Bundle, Lenses};
+use skelsplat_core::study::rig::gauge::Sureness;
 use skelsplat_core::study::rig::placed::{PARAMETERS, Sight, Step};
+use skelsplat_core::study::rig::scene::Scene;
 use skelsplat_core::study::rig::search::Explanation;
 use skelsplat_core::study::rig::{Bars, Change, Freedom, Placed};
-use skelsplat_tests::scenes::{Noise, room};
+use skelsplat_core::{Camera, Detections};
+use skelsplat_tests::scenes::{Noise, room, standing};
 
 const VIEWS: usize = 4;
 const STEP: f64 = 1e-4;
@@ -83,6 +84,10 @@ fn aligned(cameras: &[Placed], factor: &DMatrix<f64>) -> Vec<[f64; 2]> {
     (0..cameras.len()).map(|i| [length(i, 0) / size, length(i, 3)]).collect()
 }
 
+fn bars(rig: &Explanation) -> Vec<Bars> {
+    Sureness::of(rig, Lenses::CALIBRATED).unwrap().bars()
+}
+
 /// Errors of turns, rad, and shifts, mm.
 fn errors(columns: usize) -> DMatrix<f64> {
     let mut noise = Noise::new(8);
@@ -112,7 +117,7 @@ fn no_direction_of_the_rig_as_a_whole_changes_a_projection() {
 #[test]
 fn error_bars_are_those_of_the_aligned_rig() {
     let (cameras, errors) = (placed(), errors(40));
-    let bars = removed(&explained(&cameras, &errors), Lenses::CALIBRATED);
+    let bars = bars(&explained(&cameras, &errors));
     for (Bars { turn, shift, .. }, [exact_turn, exact_shift]) in
         bars.into_iter().zip(aligned(&cameras, &errors))
     {
@@ -133,9 +138,48 @@ fn what_moves_everything_together_is_no_error() {
     let entry = |r: usize, c: usize| if c < 7 { together[(r, c)] } else { lone[r] };
     let both = DMatrix::from_fn(together.nrows(), 8, entry);
     let (none, some) = (explained(&cameras, &lone), explained(&cameras, &both));
-    let (none, some) = (removed(&none, Lenses::CALIBRATED), removed(&some, Lenses::CALIBRATED));
-    for (none, some) in none.iter().zip(some) {
+    for (none, some) in bars(&none).iter().zip(bars(&some)) {
         assert!((some.turn / none.turn - 1.0).abs() < 1e-5, "{some:?} {none:?}");
         assert!((some.shift / none.shift - 1.0).abs() < 1e-5, "{some:?} {none:?}");
     }
+}
+
+/// Joints that are placed anew by cameras with small errors, all aligned.
+#[test]
+fn joints_are_off_by_what_their_cameras_are_off() {
+    let (cameras, errors, body) = (placed(), errors(30) * 1e-3, standing());
+    let all = cameras.iter().flat_map(|one| body.iter().map(move |x| one.camera.project(x)));
+    let pixels: Vec<f64> = all.flat_map(|pixel| pixel.unwrap().data.0[0]).collect();
+    let frames = [Detections::new(VIEWS, body.len(), &pixels, None).unwrap()];
+    let bundle = Bundle {
+        scene: Scene::new(&frames),
+        frames: &[0],
+        given: &cameras,
+        cameras: cameras.clone(),
+        freedom: vec![Freedom::default(); VIEWS],
+        lenses: Lenses::CALIBRATED,
+        points: body.clone(),
+        fixed: false,
+        offsets: None,
+    };
+    let size = 3 * body.len();
+    let moves = |x, k| (similar(x, k, STEP) - similar(x, k, -STEP)) / (2.0 * STEP);
+    let follow = |r: usize, k: usize| moves(&body[r / 3], k)[r % 3];
+    let free = DMatrix::from_fn(size, 7, follow);
+    let mut squares = 0.0;
+    for error in errors.column_iter() {
+        let mut wrong = bundle.clone();
+        for (i, one) in wrong.cameras.iter_mut().enumerate() {
+            let step = Step::from_iterator(error.rows(PARAMETERS * i, PARAMETERS).iter().copied());
+            *one = one.stepped(&step).unwrap();
+        }
+        wrong.solve(10.0, 10.0);
+        let off = DMatrix::from_fn(size, 1, |r, _| (wrong.points[r / 3] - body[r / 3])[r % 3]);
+        let together = free.clone().svd(true, true).solve(&off, 1e-12).unwrap();
+        squares += (off - &free * together).norm_squared();
+    }
+    let known = Sureness::of(&explained(&cameras, &errors), Lenses::CALIBRATED).unwrap();
+    let exact = (squares / size as f64).sqrt();
+    let found = known.joints(&bundle.follows(10.0));
+    assert!((found / exact - 1.0).abs() < 1e-3, "{found} {exact}");
 }

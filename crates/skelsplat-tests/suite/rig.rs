@@ -90,7 +90,8 @@ fn derivatives_are_those_of_the_residual() {
         let own: Vec<f64> = exact.by_point.row(row).iter().copied().collect();
         assert!(relative_error(&own, &points) < 1e-8);
         // In steps of the parameters' own sizes: rad, mm, relative, frames.
-        for (k, h) in [1e-5, 1e-5, 1e-5, 1e-2, 1e-2, 1e-2, 1e-5, 1e-3, 1e-5].into_iter().enumerate() {
+        for (k, h) in [1e-5, 1e-5, 1e-5, 1e-2, 1e-2, 1e-2, 1e-5, 1e-3, 1e-5].into_iter().enumerate()
+        {
             let slope = central_differences(&[0.0], h, |at| {
                 let mut step = Step::zeros();
                 step[k] = at[0];

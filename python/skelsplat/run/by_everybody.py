@@ -104,7 +104,7 @@ def _supposed(rig: sk.CameraRig, found: sk.RigAdjustment) -> sk.CameraRig | None
         i = rig.names.index(one.name)
         turned = matrix_from_vector(np.radians(one.turn)) @ rig[i].R
         cameras[i] = altered(rig[i], R=turned, t=-turned @ (rig[i].centre + one.shift))
-    return sk.CameraRig(cameras, rig.unit)
+    return replace(rig, cameras=cameras, clocks={})
 
 
 def _moved(seen: Array, clocks: Sequence[int]) -> Array:
@@ -133,7 +133,7 @@ def _confirmed(rig: sk.CameraRig, found: sk.RigAdjustment, seen: Array) -> sk.Ri
             cameras[i] = rig[i]
         elif one.status == "sound":
             report[i] = replace(one, status="unseen")
-    return replace(found, cameras=sk.CameraRig(cameras, rig.unit), report=tuple(report))
+    return replace(found, cameras=replace(rig, cameras=cameras, clocks={}), report=tuple(report))
 
 
 def _knocked(

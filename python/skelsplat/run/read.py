@@ -170,6 +170,7 @@ def open_recording(
         raise DatasetError(calibration, "cameras", "at least two cameras", len(every))
     found = open_detections(detections, every, without=without, **given)
     _note_clocks(calibration, every, given.get("offsets") or {})
+    _note_sigma(calibration, every)
     every = replace(every, clocks={})
     rig = leave_out(every, without)
     cropped = {name for one in told if one.kind == "crop_applied" for name in one.subject.cameras}
@@ -186,6 +187,14 @@ def _note_clocks(path: Path, rig: sk.CameraRig, given: Collection[str]) -> None:
         words = f"The clocks of {path.name} were taken off the cameras' frame numbers ({each}). They hold "
         words += "for recordings that started as that which they were found in; given offsets replace them."
         warn(Finding("clocks_applied", "note", Subject(tuple(taken)), taken, sentence=words))
+
+
+def _note_sigma(path: Path, rig: sk.CameraRig) -> None:
+    """Note that error bars contain how sure the cameras are."""
+    if rig.joint_sigma:
+        millimetres = rig.joint_sigma * rig.mm_per_unit
+        words = f"The cameras of {path.name} were found from people: error bars include ± {millimetres:.1f} mm for it."
+        warn(Finding("cameras_estimated", "note", numbers={"mm": millimetres}, sentence=words))
 
 
 def read_everybody(opened: Opened, job: Job) -> tuple[Array, Inputs]:
@@ -221,7 +230,7 @@ def leave_out(rig: sk.CameraRig, without: Sequence[str]) -> sk.CameraRig:
     if len(kept) < 2:
         expected = f"two cameras or more to be left of {', '.join(rig.names)}"
         raise InvalidInputError(f"without: expected {expected}, got {len(kept)}")
-    return sk.CameraRig(kept, unit=rig.unit) if without else rig
+    return rig.of(kept) if without else rig
 
 
 def rate_of(

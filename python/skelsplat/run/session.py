@@ -50,7 +50,7 @@ class Session:
         known = dict(zip(self.found.cameras.names, self.found.cameras, strict=True))
         cameras = [known.get(name, one) for name, one in zip(every.names, every, strict=True)]
         clocks = {name: -offset for name, offset in (self.shared or {}).items()}
-        return sk.CameraRig(cameras, every.unit, clocks)
+        return replace(every, cameras=cameras, clocks=clocks)
 
 
 def adjust_session(

@@ -204,7 +204,7 @@ def _plain(inputs: Inputs, config: sk.RefineConfig) -> Array:
 
 def rig_as_used(rig: sk.CameraRig, *, undistort: bool) -> sk.CameraRig:
     """Return the cameras with which detections are compared: with ideal lenses if distortion is ignored."""
-    return rig if undistort else sk.CameraRig([without_distortion(camera) for camera in rig], unit=rig.unit)
+    return rig if undistort else rig.of([without_distortion(camera) for camera in rig])
 
 
 def default_threads(config: sk.RefineConfig) -> int:

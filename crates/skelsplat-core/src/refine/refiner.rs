@@ -44,6 +44,8 @@ pub struct Refiner {
     /// Standard deviations of the joints' systematic errors, in the unit of the cameras; empty if
     /// their number is unknown.
     joint_bias: Arc<[f64]>,
+    /// What the rig's own error adds to it, in the cameras' unit.
+    rig_sigma: f64,
     /// Settings of the rendering loss: those of `paper`, or for `annealed` its closed form.
     paper: PaperSettings,
     unit: Unit,
@@ -93,12 +95,27 @@ impl Refiner {
             expected,
             layout: layout.map_or_else(LayoutSpec::default, |layout| (**layout).clone()),
             joint_bias: in_unit(bias, unit),
+            rig_sigma: 0.0,
             cameras,
             paper,
             unit,
             size: 1.0,
             config,
         })
+    }
+
+    /// With cameras whose places are estimated: by so much, per axis and in their unit, joints are
+    /// off because of that (standard deviation).
+    #[must_use]
+    pub fn with_rig_sigma(mut self, sigma: f64) -> Self {
+        self.rig_sigma = sigma;
+        self.joint_bias = self.with_rig(&self.joint_bias);
+        self
+    }
+
+    /// Standard deviations with that of the rig.
+    fn with_rig(&self, bias: &[f64]) -> Arc<[f64]> {
+        bias.iter().map(|sigma| sigma.hypot(self.rig_sigma)).collect()
     }
 
     /// The settings.
@@ -210,7 +227,10 @@ impl Refiner {
     pub(crate) fn joint_bias(&self, n: usize) -> Arc<[f64]> {
         match self.joint_bias.len() == n {
             true => Arc::clone(&self.joint_bias),
-            false => in_unit(self.config.joint_bias_mm.per_joint(None, n), self.unit),
+            false => {
+                let bias = self.config.joint_bias_mm.per_joint(None, n);
+                self.with_rig(&in_unit(bias, self.unit))
+            }
         }
     }
 

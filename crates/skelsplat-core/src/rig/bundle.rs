@@ -100,6 +100,14 @@ struct Term {
     slope: Slopes,
 }
 
+/// A joint, and how it follows the cameras: d point / d of all their parameters (3, M · 9).
+pub struct Follows {
+    /// mm.
+    pub point: Vector3<f64>,
+    /// −H⁻¹ Σ W AᵀB.
+    pub by: DMatrix<f64>,
+}
+
 /// Parameters of a camera, and the offset of a joint in its view.
 const SLOPES: usize = PARAMETERS + 2;
 type Slopes = SMatrix<f64, 2, SLOPES>;
@@ -252,6 +260,22 @@ impl Bundle<'_> {
             out
         };
         Cells { equations: cells.into_iter().map(merged).collect(), moves, follow }
+    }
+
+    /// How each joint of which something is known follows the cameras.
+    pub fn follows(&self, sigma: f64) -> Vec<Follows> {
+        let (n, mut terms) = (self.scene.n_joints(), Vec::new());
+        let follows = |(k, point): (usize, &Vector3<f64>)| {
+            self.terms(k / n, k % n, sigma, &mut terms);
+            let (inverse, _) = information(&terms)?;
+            let mut by = DMatrix::zeros(3, PARAMETERS * self.cameras.len());
+            for Term { view, weight, residual, .. } in &terms {
+                let own = -inverse * residual.by_point.transpose() * residual.by_camera * *weight;
+                by.fixed_columns_mut::<PARAMETERS>(PARAMETERS * view).copy_from(&own);
+            }
+            Some(Follows { point: *point, by })
+        };
+        self.points.iter().enumerate().filter_map(follows).collect()
     }
 
     /// Where the unknowns of each camera stand, and the offsets of its detections of a joint;

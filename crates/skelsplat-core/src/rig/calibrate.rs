@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use super::adjust::spread;
 use super::bundle::{Lenses, PER_NOISE};
 use super::evidence::Bars;
-use super::gauge;
+use super::gauge::Sureness;
 use super::placed::{Freedom, Placed, rebuilt};
 use super::scene::{JointMotion, Scene};
 use super::search::{Explanation, LEAST, Scope};
@@ -77,6 +77,9 @@ pub struct RigCalibration {
     /// The stature that the population's proportions give the person, in this scale, and its
     /// standard error; NaN for layouts without proportions, and where no such bone is seen.
     pub stature: [f64; 2],
+    /// Standard deviation per axis by which joints are off because the cameras are, with all joints
+    /// aligned.
+    pub joint_sigma: f64,
 }
 
 /// Adjusts `cameras`, of which only a first guess is known, by the joints that they see: those with
@@ -121,7 +124,10 @@ pub fn calibrate_cameras(
 
 /// How well a rig fits.
 struct Fit {
+    frames: Vec<usize>,
     points: Vec<Vector3<f64>>,
+    /// Noise of a detection, mm.
+    noise: f64,
     of_cameras: Vec<CameraFit>,
 }
 
@@ -185,17 +191,17 @@ impl Task<'_> {
             views.remove(k);
         }
         let rig = task.adjusted(&views, cameras, MANY, 1.0, progress)?;
-        let (cameras, stature) = task.judged(&views, &rig);
-        Ok(RigCalibration { cameras: self.report(&views, cameras), stature })
+        let judged = task.judged(&views, &rig);
+        Ok(RigCalibration { cameras: self.report(&views, judged.cameras), ..judged })
     }
 
     /// Whether clocks that are free show that some camera is not in step.
     fn is_out_of_step(&self, rig: &Explanation) -> bool {
-        let bars = gauge::removed(rig, self.lenses());
+        let Some(sureness) = Sureness::of(rig, self.lenses()) else { return false };
         let shown = |camera: &Placed, bars: &Bars| {
             camera.clock.abs() > f64::max(LEAST_CLOCK, SHOWN * bars.clock)
         };
-        rig.cameras.iter().zip(&bars).any(|(camera, bars)| shown(camera, bars))
+        rig.cameras.iter().zip(&sureness.bars()).any(|(camera, bars)| shown(camera, bars))
     }
 
     /// All cameras, also those that do not belong to the rig.
@@ -287,16 +293,27 @@ impl Task<'_> {
     }
 
     /// What each camera's detections say of the joints, and error bars.
-    fn judged(&self, views: &[usize], rig: &Explanation) -> (Vec<CalibratedCamera>, [f64; 2]) {
-        let bars = gauge::removed(rig, self.lenses());
-        let fit = self.fit(views, &rig.cameras);
+    fn judged(&self, views: &[usize], rig: &Explanation) -> RigCalibration {
+        let (fit, sureness) = (self.fit(views, &rig.cameras), Sureness::of(rig, self.lenses()));
+        let unknown = || vec![Bars::UNKNOWN; views.len()];
+        let bars = sureness.as_ref().map_or_else(unknown, Sureness::bars);
+        let joint_sigma = sureness.map_or(f64::NAN, |known| self.joints(views, rig, &fit, &known));
         let camera = |((placed, bars), fit): ((&Placed, &Bars), &CameraFit)| {
             let CameraFit { distance, explained, .. } = *fit;
             let (placed, bars) = (placed.clone(), *bars);
             CalibratedCamera { placed, used: true, bars, distance, explained }
         };
         let cameras = rig.cameras.iter().zip(&bars).zip(&fit.of_cameras).map(camera).collect();
-        (cameras, self.stature(&fit.points))
+        RigCalibration { cameras, stature: self.stature(&fit.points), joint_sigma }
+    }
+
+    /// How far joints are off because of the cameras.
+    fn joints(&self, views: &[usize], rig: &Explanation, fit: &Fit, known: &Sureness) -> f64 {
+        let seen = self.of_views(views);
+        let scope = self.scope(Scene::new(&seen), &fit.frames, &rig.cameras);
+        let still = vec![Freedom::default(); views.len()];
+        let bundle = scope.bundle(rig.cameras.clone(), still, fit.points.clone());
+        known.joints(&bundle.follows(PER_NOISE * fit.noise))
     }
 
     /// How well a rig fits.
@@ -317,7 +334,7 @@ impl Task<'_> {
             }
         };
         let of_cameras = cameras.iter().enumerate().map(of_camera).collect();
-        Fit { points, of_cameras }
+        Fit { frames: chosen, points, noise, of_cameras }
     }
 
     /// Stature by the population's proportions, and its standard error. Lengths are compared at the

@@ -3,57 +3,98 @@
 //! Turning, moving and scaling everything changes no detection. The bundle holds the first camera;
 //! the error bars of the others then contain how well that one is known. Without this freedom,
 //! the errors θ of all cameras are those of the rig aligned with the truth: with the seven
-//! directions G in which everything moves together, θ − G (GᵀWG)⁻¹ GᵀW θ, in which W makes turns
-//! and shifts comparable.
+//! directions G in which everything moves together, θ − G A θ, A = (GᵀWG)⁻¹ GᵀW, in which W makes
+//! turns and shifts comparable. Joints that follow the cameras by F and move by E in these
+//! directions are off by (I − E (EᵀE)⁻¹ Eᵀ) F θ with all joints aligned.
 
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, Matrix3, SMatrix, Vector3};
 
-use super::bundle::{Lenses, places};
+use super::bundle::{Follows, Lenses, places};
 use super::evidence::{Bars, bars};
 use super::placed::PARAMETERS;
 use super::search::Explanation;
 
-/// Error bars of every camera of a rig.
-pub fn removed(rig: &Explanation, lenses: Lenses) -> Vec<Bars> {
-    let m = rig.cameras.len();
-    let q = PARAMETERS * m;
-    let mut covariance = DMatrix::zeros(q, q);
-    for (i, k, a) in places(&rig.freedom, lenses) {
-        for (j, l, b) in places(&rig.freedom, lenses) {
-            covariance[(PARAMETERS * i + k, PARAMETERS * j + l)] = rig.judged.steady[(a, b)];
+/// Turns, shifts and growth of everything.
+const DIRECTIONS: usize = 7;
+
+/// How sure a rig is.
+pub struct Sureness {
+    /// Covariance of all parameters, the first camera held.
+    covariance: DMatrix<f64>,
+    /// G.
+    free: DMatrix<f64>,
+    /// A.
+    aligned: DMatrix<f64>,
+}
+
+impl Sureness {
+    /// Of a rig; `None` of cameras in one place.
+    pub fn of(rig: &Explanation, lenses: Lenses) -> Option<Self> {
+        let m = rig.cameras.len();
+        let q = PARAMETERS * m;
+        let mut covariance = DMatrix::zeros(q, q);
+        for (i, k, a) in places(&rig.freedom, lenses) {
+            for (j, l, b) in places(&rig.freedom, lenses) {
+                covariance[(PARAMETERS * i + k, PARAMETERS * j + l)] = rig.judged.steady[(a, b)];
+            }
         }
-    }
-    let centres: Vec<Vector3<f64>> = rig.cameras.iter().map(|c| c.camera.centre()).collect();
-    let middle = centres.iter().sum::<Vector3<f64>>() / m as f64;
-    let reach =
-        (centres.iter().map(|c| (c - middle).norm_squared()).sum::<f64>() / m as f64).sqrt();
-    let mut free = DMatrix::zeros(q, 7);
-    let mut weight = DMatrix::zeros(q, q);
-    for (i, centre) in centres.iter().enumerate() {
-        let rotation = rig.cameras[i].camera.rotation();
-        let arm = centre - middle;
-        for k in 0..3 {
-            let mut axis = Vector3::zeros();
-            axis[k] = 1.0;
+        let centres: Vec<Vector3<f64>> = rig.cameras.iter().map(|c| c.camera.centre()).collect();
+        let middle = centres.iter().sum::<Vector3<f64>>() / m as f64;
+        let squares: f64 = centres.iter().map(|c| (c - middle).norm_squared()).sum();
+        let reach = (squares / m as f64).sqrt();
+        let mut free = DMatrix::zeros(q, DIRECTIONS);
+        let mut weight = DMatrix::zeros(q, q);
+        for (i, centre) in centres.iter().enumerate() {
+            let rotation = rig.cameras[i].camera.rotation();
             let row = PARAMETERS * i;
             // The world turned by ω: R becomes R exp(−ω), which is a turn −Rω of the camera.
-            let turn = -(rotation * axis);
-            let moved = axis.cross(&arm);
+            free.view_mut((row, 0), (3, 3)).copy_from(&-rotation);
+            free.view_mut((row + 3, 0), (3, DIRECTIONS)).copy_from(&moved(&(centre - middle)));
             for d in 0..3 {
-                free[(row + d, k)] = turn[d];
-                free[(row + 3 + d, k)] = moved[d];
                 weight[(row + d, row + d)] = reach * reach;
                 weight[(row + 3 + d, row + 3 + d)] = 1.0;
             }
-            free[(row + 3 + k, 3 + k)] = 1.0;
-            free[(row + 3 + k, 6)] = arm[k];
         }
+        let known = free.transpose() * weight;
+        let aligned = (&known * &free).try_inverse()? * known;
+        Some(Self { covariance, free, aligned })
     }
-    let known = free.transpose() * &weight;
-    let Some(inverse) = (&known * &free).try_inverse() else { return vec![Bars::UNKNOWN; m] };
-    let keep = DMatrix::identity(q, q) - &free * inverse * known;
-    let covariance = &keep * covariance * keep.transpose();
-    let all: Vec<(usize, usize)> =
-        (0..m).flat_map(|i| (0..PARAMETERS).map(move |k| (i, k))).collect();
-    (0..m).map(|i| bars(&covariance, &all, i)).collect()
+
+    /// Error bars of every camera.
+    pub fn bars(&self) -> Vec<Bars> {
+        let q = self.covariance.nrows();
+        let keep = DMatrix::identity(q, q) - &self.free * &self.aligned;
+        let covariance = &keep * &self.covariance * keep.transpose();
+        let all: Vec<(usize, usize)> = (0..q).map(|a| (a / PARAMETERS, a % PARAMETERS)).collect();
+        (0..q / PARAMETERS).map(|i| bars(&covariance, &all, i)).collect()
+    }
+
+    /// How far joints that follow the cameras are off with all of them aligned, root mean square
+    /// per axis.
+    pub fn joints(&self, all: &[Follows]) -> f64 {
+        let count = all.len() as f64;
+        let middle = all.iter().map(|follows| follows.point).sum::<Vector3<f64>>() / count;
+        let (q, own) = (self.covariance.nrows(), |x: &Follows| moved(&(x.point - middle)));
+        let (mut square, mut mixed) = (SMatrix::zeros(), DMatrix::zeros(DIRECTIONS, q));
+        for follows in all {
+            square += own(follows).transpose() * own(follows);
+            mixed += own(follows).transpose() * &follows.by;
+        }
+        let Some(inverse) = square.try_inverse() else { return f64::NAN };
+        let aligned = inverse * mixed;
+        let off = |follows: &Follows| {
+            let by = &follows.by - own(follows) * &aligned;
+            (&by * &self.covariance * by.transpose()).trace()
+        };
+        (all.iter().map(off).sum::<f64>() / (3.0 * count)).sqrt()
+    }
+}
+
+/// How a point moves when the world turns, moves and grows about the origin.
+fn moved(x: &Vector3<f64>) -> SMatrix<f64, 3, DIRECTIONS> {
+    let mut out = SMatrix::<f64, 3, DIRECTIONS>::zeros();
+    out.fixed_columns_mut::<3>(0).copy_from(&-x.cross_matrix());
+    out.fixed_columns_mut::<3>(3).copy_from(&Matrix3::identity());
+    out.set_column(6, x);
+    out
 }

@@ -104,9 +104,10 @@ def read_calibration(
     sizes = [_size(source.path, raw, size) for raw in parsed]
     try:
         clocks = {raw.name: raw.clock for raw in parsed}
-        bare = [{name: value for name, value in vars(raw).items() if name != "clock"} for raw in parsed]
+        of_rig = ("clock", "joint_sigma")
+        bare = [{name: value for name, value in vars(raw).items() if name not in of_rig} for raw in parsed]
         cameras = [sk.Camera(**{**one, "size": wh}) for one, wh in zip(bare, sizes, strict=True)]
-        rig = sk.CameraRig(cameras, clocks=clocks)
+        rig = sk.CameraRig(cameras, clocks=clocks, joint_sigma=parsed[0].joint_sigma)
     except InvalidInputError as error:
         raise DatasetError.of_argument(source.path, error) from error
     return replace(rig, unit=_checked_unit(source.path, rig, unit, stated))
@@ -218,7 +219,8 @@ def convert_unit(rig: sk.CameraRig, unit: str) -> sk.CameraRig:
     """Return the same cameras with lengths in another unit: mm, cm or m."""
     one_of("unit", unit, MM_PER_UNIT)
     factor = rig.mm_per_unit / MM_PER_UNIT[unit]
-    return replace(rig, cameras=[altered(one, t=np.asarray(one.t) * factor) for one in rig], unit=unit)
+    cameras = [altered(one, t=np.asarray(one.t) * factor) for one in rig]
+    return replace(rig, cameras=cameras, unit=unit, joint_sigma=factor * rig.joint_sigma)
 
 
 def write_calibration(

@@ -32,6 +32,7 @@ class RawCamera:
     size: tuple[int, int] | None = None  # width and height in pixels; None if the format has no place for it
     fisheye: bool = False
     clock: float = 0.0  # frames that its count is ahead, as of `skelsplat.CameraRig`
+    joint_sigma: float = 0.0  # of the whole rig, in the file's unit
 
 
 Parsed: TypeAlias = tuple[Sequence[RawCamera], str | None]

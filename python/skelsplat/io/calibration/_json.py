@@ -18,6 +18,7 @@ are frames (`skelsplat.CameraRig`), 0 where there is none.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -47,7 +48,8 @@ def _parse_json(source: Source) -> Parsed:
     for key, known in (("format", _MARK), ("version", _VERSION)):
         if document[key].value != known:
             raise document[key].error(known, document[key].shown)
-    return [_own(camera) for camera in document["cameras"].entries("a list of cameras")], _unit(document)
+    cameras = [_own(camera) for camera in document["cameras"].entries("a list of cameras")]
+    return with_joint_sigma(cameras, document), _unit(document)
 
 
 def _own(entry: Field) -> RawCamera:
@@ -70,7 +72,8 @@ def to_json(rig: sk.CameraRig, note: str | None = None) -> str:
         for name, camera in named
     ]
     noted = {} if note is None else {"note": note}
-    document = {"format": _MARK, "version": _VERSION, **noted, "unit": rig.unit, "cameras": cameras}
+    stated = {"unit": rig.unit, **joint_sigma_of(rig)}
+    document = {"format": _MARK, "version": _VERSION, **noted, **stated, "cameras": cameras}
     return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -93,6 +96,17 @@ def clock_in(entry: Field) -> float:
 def clock_of(rig: sk.CameraRig, name: str) -> dict[str, float]:
     """Return the clock of a camera as an entry of a file, if it has one."""
     return {"clock": rig.clocks[name]} if name in rig.clocks else {}
+
+
+def with_joint_sigma(cameras: Sequence[RawCamera], entry: Field) -> list[RawCamera]:
+    """Return cameras with what an entry says of the error of their rig, if it does."""
+    sigma = entry["joint_sigma"].number() if "joint_sigma" in entry else 0.0
+    return [replace(camera, joint_sigma=sigma) for camera in cameras]
+
+
+def joint_sigma_of(rig: sk.CameraRig) -> dict[str, float]:
+    """Return the error of a rig as an entry of a file, if its places were estimated."""
+    return {"joint_sigma": rig.joint_sigma} if rig.joint_sigma else {}
 
 
 def _is_npz(source: Source) -> bool:
@@ -123,8 +137,10 @@ def _parse_npz(source: Source) -> Parsed:
         }
         for i in range(len(names))
     ]
-    document = Field(path, "", {"unit": str(arrays["unit"])})
-    return [_own(Field(path, f"[{i}]", row)) for i, row in enumerate(rows)], _unit(document)
+    stated = {name: arrays[name].item() for name in ("joint_sigma",) if name in arrays}
+    document = Field(path, "", {"unit": str(arrays["unit"]), **stated})
+    cameras = [_own(Field(path, f"[{i}]", row)) for i, row in enumerate(rows)]
+    return with_joint_sigma(cameras, document), _unit(document)
 
 
 def to_arrays(rig: sk.CameraRig) -> dict[str, Any]:
@@ -141,6 +157,7 @@ def to_arrays(rig: sk.CameraRig) -> dict[str, Any]:
         "distortion": padded,
         "fisheye": np.array([camera.fisheye for camera in rig]),
         **({"clock": np.array([rig.clocks.get(name, 0.0) for name in rig.names])} if rig.clocks else {}),
+        **{name: np.array(sigma) for name, sigma in joint_sigma_of(rig).items()},
     }
 
 

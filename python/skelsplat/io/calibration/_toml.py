@@ -36,7 +36,7 @@ from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, warn
 from skelsplat.io.calibration._entries import camera_of, cameras_of, rotation_of, warn_of_no_lens
 from skelsplat.io.calibration._format import CalibrationFormat, Parsed, RawCamera, Source
-from skelsplat.io.calibration._json import clock_in, clock_of
+from skelsplat.io.calibration._json import clock_in, clock_of, joint_sigma_of, with_joint_sigma
 
 _REQUIRED = ("matrix", "rotation", "translation")
 _LENS = ("distortion", "distortions")
@@ -79,7 +79,7 @@ def _parse_anipose(source: Source) -> Parsed:
         size = "image_size" if "image_size" in entry and "size" not in entry else "size"
         cameras.append(_camera(entry, named[entry.place], lens, size))
     cropped = [_cropped(one, offsets[one.name]) if one.name in offsets else one for one in cameras]
-    return cropped, unit if unit in MM_PER_UNIT else None
+    return with_joint_sigma(cropped, source.toml["metadata"]), unit if unit in MM_PER_UNIT else None
 
 
 def _camera(entry: Field, name: str, lens: str | None, size: str) -> RawCamera:
@@ -162,7 +162,8 @@ def to_toml(rig: sk.CameraRig, note: str | None = None, *, adjusted: bool = Fals
     named = enumerate(zip(rig.names, rig, strict=True))
     tables = [_table(f"cam_{i:0{digits}d}", camera, clock_of(rig, name)) for i, (name, camera) in named]
     mark = "adjusted = true\n" if adjusted else ""
-    metadata = f'[metadata]\n{mark}unit = "{rig.unit}"\n'
+    sigma = "".join(f"{name} = {value}\n" for name, value in joint_sigma_of(rig).items())
+    metadata = f'[metadata]\n{mark}unit = "{rig.unit}"\n{sigma}'
     return "\n".join([*([] if note is None else [f"# {' '.join(note.split())}\n"]), *tables, metadata])
 
 
