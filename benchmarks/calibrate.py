@@ -239,7 +239,10 @@ def judged(one: Recording, found: sk.RigCalibration) -> dict[str, Any]:
         seen = sk.project(truth, [one.true[i] for i in own])
         placed = sk.triangulate(np.moveaxis(seen, 0, 1), list(own.values()))
         left, size = aligned(placed, truth)
-        row |= {"joints mm": float(np.sqrt(np.nanmean(left**2))), "± joints": size * found.cameras.joint_sigma}
+        row |= {
+            "joints mm": float(np.sqrt(np.nanmean(left**2))),
+            "± joints": size * found.cameras.joint_sigma,
+        }
     return row | {"scale %": 100 * off, "tilt": tilt}
 
 

@@ -87,6 +87,8 @@ class CalibratedCamera:
         Median distance, px, of the camera's detections from the joints.
     explained : float
         The share of its detections that lie within four times the noise.
+    zoom : float
+        By which factor its focal length seems to be wrong though it was given; 1 where it may be right.
     """
 
     name: str
@@ -98,6 +100,7 @@ class CalibratedCamera:
     clock_sigma: float
     error: float
     explained: float
+    zoom: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +116,8 @@ class RigCalibration:
     not tell the cameras' places: ``"places"`` (an error bar is above 3° or 6 % of the camera's distance),
     ``"movement"`` (the person hardly moves), ``"periodic"`` (other clocks explain as much), ``"clocks"``
     (cameras are out of step), ``"cameras"`` (half of them or more are left out, or two are left to tell focal
-    lengths). Without any, the rig is ``sure``.
+    lengths), ``"lenses"`` (focal lengths that were given contradict the detections). Without any, the rig is
+    ``sure``.
     """
 
     cameras: CameraRig
@@ -302,8 +306,9 @@ def _in_world(
     report = tuple(_report(found, names, i, scale) for i in range(len(cameras)))
     up_sigma = math.nan if floor is None else floor.sigma_deg
     still = [] if max(map(movement, of_each)) >= _LEAST_MOVED else ["movement"]
+    wrong = ["lenses"] if any(one.zoom != 1.0 for one in report) else []
     wide = [] if _are_small(there, points, scale, report) else ["places"]
-    every = (*still, *doubts, *wide)  # of somebody who stands still, clocks say nothing
+    every = (*still, *doubts, *wrong, *wide)  # of somebody who stands still, clocks say nothing
     return RigCalibration(placed, report, scale_sigma, up_sigma, every)
 
 
@@ -386,6 +391,7 @@ def _report(found: Mapping[str, Array], names: Sequence[str], i: int, scale: flo
         clock_sigma=value["clock_sigma"],
         error=value["distance"],
         explained=value["explained"],
+        zoom=value["zoom"],
     )
 
 

@@ -9,6 +9,7 @@ import pytest
 
 import skelsplat as sk
 from skelsplat import synthetic
+from skelsplat.cameras import altered
 from skelsplat.exceptions import DegenerateGeometryError, InvalidInputError
 from skelsplat.synthetic import DetectionNoise
 
@@ -128,6 +129,14 @@ def test_the_lens_is_found_where_it_is_unknown() -> None:
     ideal = sk.RefineConfig(undistort=False)
     pinhole = sk.calibrate_cameras(walk(), BLANK, layout=LAYOUT, same_focal=True, config=ideal)
     assert [camera.distortion for camera in pinhole.cameras] == [None] * 4
+
+
+def test_lenses_of_other_images_are_doubted() -> None:
+    half = [altered(camera, K=np.diag([0.8, 0.8, 1.0]) @ np.asarray(camera.K)) for camera in RIG]
+    found = sk.calibrate_cameras(walk(), half, layout=LAYOUT)
+    assert found.doubts == ("lenses",)
+    assert [one.zoom for one in found.report] == pytest.approx([1.25] * 4, rel=0.05)
+    assert [one.zoom for one in known().report] == [1.0] * 4
 
 
 def test_joints_are_off_by_what_is_said_of_them() -> None:

@@ -100,6 +100,7 @@ pub(crate) fn calibrate_cameras<'py>(
     out.set_item("clock_sigma", each(|camera| camera.bars.clock))?;
     out.set_item("distance", each(|camera| camera.distance))?;
     out.set_item("explained", each(|camera| camera.explained))?;
+    out.set_item("zoom", each(|camera| camera.zoom))?;
     out.set_item("stature", done.stature)?;
     out.set_item("joint_sigma", done.joint_sigma)?;
     Ok((cameras.into_iter().map(|camera| Camera(camera.placed.camera)).collect(), out))

@@ -393,16 +393,19 @@ def _findings(found: sk.RigCalibration, clock: bool) -> Iterator[Finding]:
     if not found.sure:
         placed = [one for one in found.report if one.status == "placed"]
         turn, place = (max(getattr(one, name) for one in placed) for name in ("turn_sigma", "place_sigma"))
+        off = [f"{one.name} {100 * (one.zoom - 1):+.0f} %" for one in placed if one.zoom != 1.0]
         bars = f"one may be off by {with_bar(turn, None)}° or {place:,.0f} mm"
         why = {
             "clocks": "the cameras are out of step. Find their clocks as well",
             "periodic": f"several clocks fit, because the motion repeats itself. {_FILM}, or clap once",
             "movement": f"the person hardly moves. {_FILM}",
             "cameras": f"too few cameras agree. Do all of them see the same person at the same time? {_FILM}",
+            "lenses": f"their focal lengths seem to be off ({', '.join(off)}). Are the lenses those of these "
+            "cameras, at this zoom and image size? Without them, focal lengths are found",
             "places": f"{bars}. {_FILM}",
         }
         words = f"This recording does not tell where the cameras are: {why[found.doubts[0]]}."
-        remedy = () if clock or found.doubts[0] == "movement" else (Remedy("clock", True),)
+        remedy = () if clock or found.doubts[0] in ("movement", "lenses") else (Remedy("clock", True),)
         numbers = {"degrees_sigma": float(turn), "mm_sigma": float(place)}
         subject = Subject(tuple(one.name for one in placed))
         yield Finding("cameras_not_calibrated", "error", subject, numbers, remedy=remedy, sentence=words)

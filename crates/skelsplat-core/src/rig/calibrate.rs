@@ -42,6 +42,8 @@ const WITHIN: f64 = 4.0;
 const SHOWN: f64 = 4.0;
 /// and by this many frames: less costs little.
 const LEAST_CLOCK: f64 = 0.5;
+/// Likewise a focal length that was given, by this share.
+const LEAST_ZOOM: f64 = 0.03;
 
 /// What is unknown besides the cameras' places.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -67,6 +69,8 @@ pub struct CalibratedCamera {
     pub distance: f64,
     /// The part of them that this explains.
     pub explained: f64,
+    /// By which factor its focal length seems to be wrong though given; 1 if it may be right.
+    pub zoom: f64,
 }
 
 /// A rig found from the people who are filmed.
@@ -191,7 +195,10 @@ impl Task<'_> {
             views.remove(k);
         }
         let rig = task.adjusted(&views, cameras, MANY, 1.0, progress)?;
-        let judged = task.judged(&views, &rig);
+        let mut judged = task.judged(&views, &rig);
+        for (camera, zoom) in judged.cameras.iter_mut().zip(task.zooms(&views, &rig, progress)?) {
+            camera.zoom = zoom;
+        }
         Ok(RigCalibration { cameras: self.report(&views, judged.cameras), ..judged })
     }
 
@@ -204,6 +211,30 @@ impl Task<'_> {
         rig.cameras.iter().zip(&sureness.bars()).any(|(camera, bars)| shown(camera, bars))
     }
 
+    /// By which factors given focal lengths differ from free ones: all together, or each.
+    fn zooms(&self, views: &[usize], rig: &Explanation, progress: &Progress) -> Result<Vec<f64>> {
+        let mut zooms = vec![1.0; views.len()];
+        if self.unknown.focal {
+            return Ok(zooms);
+        }
+        for same_focal in [true, false] {
+            let unknown = Unknown { focal: true, same_focal, ..self.unknown };
+            let task = Self { unknown, distorted: false, ..*self };
+            let free = task.adjusted(views, rig.cameras.clone(), FEW, 1.0, progress)?;
+            let Some(known) = Sureness::of(&free, task.lenses()) else { break };
+            for (k, bars) in known.bars().iter().enumerate() {
+                let [now, given] = [&free, rig].map(|rig| rig.cameras[k].camera.focal()[0]);
+                if (now / given).ln().abs() > f64::max(LEAST_ZOOM, SHOWN * bars.zoom) {
+                    zooms[k] = now / given;
+                }
+            }
+            if zooms.iter().any(|zoom| *zoom != 1.0) {
+                break;
+            }
+        }
+        Ok(zooms)
+    }
+
     /// All cameras, also those that do not belong to the rig.
     fn report(&self, views: &[usize], rig: Vec<CalibratedCamera>) -> Vec<CalibratedCamera> {
         let left_out = |camera: &Camera| CalibratedCamera {
@@ -212,6 +243,7 @@ impl Task<'_> {
             bars: Bars::UNKNOWN,
             distance: f64::NAN,
             explained: f64::NAN,
+            zoom: 1.0,
         };
         let mut all: Vec<CalibratedCamera> = self.given.iter().map(left_out).collect();
         views.iter().zip(rig).for_each(|(i, camera)| all[*i] = camera);
@@ -301,7 +333,7 @@ impl Task<'_> {
         let camera = |((placed, bars), fit): ((&Placed, &Bars), &CameraFit)| {
             let CameraFit { distance, explained, .. } = *fit;
             let (placed, bars) = (placed.clone(), *bars);
-            CalibratedCamera { placed, used: true, bars, distance, explained }
+            CalibratedCamera { placed, used: true, bars, distance, explained, zoom: 1.0 }
         };
         let cameras = rig.cameras.iter().zip(&bars).zip(&fit.of_cameras).map(camera).collect();
         RigCalibration { cameras, stature: self.stature(&fit.points), joint_sigma }
