@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from people_page import crowd, people_report
-from report_page import NASTY, data_of, numbers, report_data, sequence, text_of
+from report_page import JOINTS, NASTY, data_of, heat, numbers, report_data, sequence, text_of
 from skelsplat.viz import report
 from skelsplat.viz._body import upright
 from skelsplat.viz.report._scene import MISSING, MOST_POSITIONS
@@ -53,7 +53,7 @@ def test_names_from_files_are_escaped_in_markup_and_in_data(written):
     text = written(data)
     assert "<b onclick" not in text
     assert text.count("</script>") == 3
-    assert data_of(text)["scene"]["joints"][0] == data_of(text)["heat"]["cameras"][0] == NASTY
+    assert data_of(text)["scene"]["joints"][0] == data_of(text)["heat"]["rows"][0] == NASTY
     assert data_of(text)["problems"] == [[101, 103, NASTY]]
     assert "<td>&lt;/script&gt;&lt;b onclick=x&gt;&quot;&#x27;&amp;" in text
 
@@ -100,7 +100,7 @@ def test_a_sequence_without_a_single_joint_has_a_page(written, frames):
         status=np.full((frames, 3), "unobserved"),
         frame_rate=None,
     )
-    unknown = {"errors_px": np.full((2, 3), np.nan), "rejected": np.full((2, 3), np.nan)}
+    unknown = {"heat": heat(("door", "window"), JOINTS, np.nan)}
     lines = [report.TimeLines("Error", "px", [("", "left", np.full(frames, np.nan))], peaks=True)]
     text = written(report_data(walk, **unknown, lines=lines, problems=[], warnings=[]))
     packed = data_of(text)["scene"]

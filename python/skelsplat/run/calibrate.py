@@ -58,11 +58,34 @@ class Calibrated:
     scale: str  # what gave it: "stature", "distance", or "adults" in general
     recordings: tuple[Recorded, ...]
     findings: tuple[Finding, ...]
+    layout: sk.Layout
+    frames: Index  # (T,) of ``found.people``: numbers in the files; of several recordings, a count
+    step: int  # by which the numbers go up
+    fps: float | None  # frames per second of the files
 
     @property
     def cameras(self) -> tuple[dict[str, Any], ...]:
         """What was found about each camera, as numbers with units in their names; None where unknown."""
         return tuple(self._numbers(one) for one in self.found.report)
+
+    def in_step(self) -> Iterator[Array]:
+        """Yield each person's detections (T, M, N, 3), those of all cameras at one time each."""
+        clocks = [one.clock / self.step for one in self.found.report]
+        for person in self.found.people:
+            views = [
+                shifted(person[:, i], clock) if clock else person[:, i] for i, clock in enumerate(clocks)
+            ]
+            yield np.stack(views, axis=1)
+
+    def write_html(self, path: str | Path, facts: Sequence[tuple[str, str]] = ()) -> None:
+        """Write a page with the cameras in 3D, their error ellipsoids, and what pairs of them explain.
+
+        Also if the recording does not tell where the cameras are. ``facts`` are further names and values for
+        its head.
+        """
+        from skelsplat.run.calibrate_page import write_html  # matplotlib takes long to load
+
+        write_html(self, Path(path), facts)
 
     def _numbers(self, one: sk.CalibratedCamera) -> dict[str, Any]:
         placed = one.status == "placed"
@@ -108,7 +131,12 @@ class _Seen:
 
     recording: _Recording
     people: Array
-    step: int
+    frames: Index
+
+    @property
+    def step(self) -> int:
+        """What the numbers of the frames go up by."""
+        return step_of(self.frames)
 
     @classmethod
     def of(cls, recording: _Recording, person: str | None) -> _Seen:
@@ -120,7 +148,7 @@ class _Seen:
         stopped = frozen_finding(names, frozen(seen), found.frames)
         if stopped is not None:
             warn(stopped)
-        return cls(recording, evened(seen, found.frames)[0], step_of(found.frames))
+        return cls(recording, *evened(seen, found.frames))
 
     def calibrated(self, people: Array, **asked: Any) -> sk.RigCalibration:
         """Find the cameras by these detections, with lenses, joints and frame rate of the recording."""
@@ -206,6 +234,10 @@ def calibrate_cameras(
         scale="distance" if distance is not None else "adults" if stature is None else "stature",
         recordings=tuple(map(partial(_recorded, result), seen, offsets)),
         findings=(*kept, *_findings(result, clock)),
+        layout=recordings[0].detections.skeleton,
+        frames=seen[0].frames if len(seen) == 1 else np.arange(len(result.people[0])),
+        step=seen[0].step,
+        fps=recordings[0].fps,
     )
 
 

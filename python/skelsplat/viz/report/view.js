@@ -22,7 +22,7 @@ const view = {
 
 // Names of the traces that change, in their order, and of those that stay.
 const MOVING = [...GROUPS.map((_, k) => `limbs ${k}`), "before", "ok", "other", "labels", "ellipsoids"];
-const FIXED = ["floor", "axes", "path", "cameras", "names"];
+const FIXED = ["floor", "axes", "path", "cameras", "names", "places"];
 
 function moving(t) {
   const pose = scene[view.pose === "both" ? "refined" : view.pose];
@@ -57,7 +57,7 @@ function traces(t) {
   });
   drawn.push({ ...line, ...xyz(names), mode: "text", text: names.texts, textfont: { color: names.colours, size: 13 } });
   drawn.push({
-    type: "mesh3d", ...(errors ?? ellipsoids(t)), ...faces(), visible: errors !== null, opacity: 0.35,
+    type: "mesh3d", ...(errors ?? ellipsoids(t)), ...faces(scene.joints.length), visible: errors !== null, opacity: 0.35,
     facecolor: scene.sides.flatMap((side) => SPHERE.faces.map(() => colourOfGroup[side])),
     hoverinfo: "skip", flatshading: false, lighting: { ambient: 0.8, diffuse: 0.4, specular: 0 },
   });
@@ -76,7 +76,8 @@ function surroundings(line) {
   const centres = coordinates();
   const pyramids = coordinates();
   for (const camera of scene.cameras) {
-    push(centres, camera.centre.map((mm) => mm / 1000));
+    const above = camera.root ? Math.hypot(...camera.root[2]) : 0; // names are not inside of ellipsoids
+    push(centres, camera.centre.map((mm, axis) => (mm + (axis === 2 ? above : 0)) / 1000));
     for (const points of pyramid(camera)) [...points, null].forEach((point) => push(pyramids, point));
   }
   return [
@@ -88,11 +89,27 @@ function surroundings(line) {
     pathsOnFloor(line, ground.height),
     { ...line, ...pyramids, line: { color: colour("camera"), width: 2.5 } },
     {
-      ...line, ...centres, mode: names.length > MOST_LABELS ? "markers" : "markers+text", text: names,
+      ...line, ...centres, mode: names.length > MOST_LABELS ? "markers" : scene.cameras[0].root ? "text" : "markers+text", text: names,
       hoverinfo: "text", textposition: "top center", textfont: soft,
       marker: { size: 3, color: colour("camera") },
     },
+    {
+      type: "mesh3d", ...placesOfCameras(), ...faces(scene.cameras.length), visible: document.getElementById("places").checked,
+      color: colour("place"), opacity: 0.45, hoverinfo: "skip", flatshading: false, lighting: { ambient: 0.8, diffuse: 0.4, specular: 0 },
+    },
   ];
+}
+
+// The corners of the ellipsoids of all cameras' places; of an unknown one all in one point.
+function placesOfCameras() {
+  const corners = coordinates();
+  for (const { centre, root } of scene.cameras) {
+    for (const corner of SPHERE.corners) {
+      const away = (root ?? []).map((row) => dot(row, corner));
+      push(corners, centre.map((mm, axis) => (mm + (away[axis] ?? 0)) / 1000));
+    }
+  }
+  return corners;
 }
 
 // The lines of a camera's pyramid and a triangle on its upper edge.
@@ -192,9 +209,9 @@ const LEAST_DISTANCE = 1.6 * SPACE.scale; // m
 const TOWARDS = unit([-0.62, -0.72, 0.32]);
 const TURNS = [0, 10, -10, 20, -20, 30, -30, 45, -45];
 
-// Of one person their way; of several all cameras, for they stand around the people.
+// Of one person their way; of several, and where it is about the cameras, all of these.
 function firstLook() {
-  if (!scene.people[0].name) return lookAt("person");
+  if (!scene.people[0].name && !scene.cameras.some(({ root }) => root)) return lookAt("person");
   const looks = TURNS.map((degrees) => lookAt("all", turned(TOWARDS, degrees)));
   const covered = looks.map(coveredNames);
   return looks[covered.indexOf(Math.min(...covered))];
@@ -267,7 +284,7 @@ function liveCamera() {
 
 function followed(t) {
   const camera = liveCamera();
-  const centre = view.follow && (middle(scene.refined, t, view.follow) ?? middle(scene.start, t, view.follow));
+  const centre = view.follow && (middle(scene.refined, t, view.follow) ?? (scene.start && middle(scene.start, t, view.follow)));
   if (!centre) return camera;
   const [x, y, z] = inView(centre);
   const { eye, center } = camera;
