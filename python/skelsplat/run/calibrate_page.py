@@ -77,10 +77,15 @@ class Pairs(ArrayFields):
 
 def write_html(found: Calibrated, path: Path, facts: Sequence[tuple[str, str]]) -> None:
     """Write the page as one file, which needs no other."""
+    page.write_report(path, page_of(found, facts))
+
+
+def page_of(found: Calibrated, facts: Sequence[tuple[str, str]]) -> page.ReportData:
+    """Return what the page shows; ``facts`` are further names and values for its head."""
     names = [one.name for one in found.found.report]
     recordings = listed([one.path.name for one in found.recordings])
     pairs = Pairs.of(found)
-    data = page.ReportData(
+    return page.ReportData(
         title=f"SkelSplat: cameras found from {recordings}",
         facts=[*_facts(found), *facts, ("skelsplat", sk.__version__)],
         warnings=sentences(in_order(found.findings)),
@@ -104,7 +109,6 @@ def write_html(found: Calibrated, path: Path, facts: Sequence[tuple[str, str]]) 
             _EXPLAINED,
         ),
     )
-    page.write_report(path, data)
 
 
 def _covariances(found: Calibrated) -> Array:
@@ -157,6 +161,7 @@ def _notes(found: Calibrated) -> Iterator[str]:
 def _sequence(found: Calibrated) -> page.Sequence3D:
     """Return the joints of everybody in some frames, as the cameras show them."""
     result, names = found.found, found.layout.joints
+    floor = bool(np.isfinite(result.up_sigma))
     some = np.linspace(0, len(found.frames) - 1, min(len(found.frames), _PLAYED)).astype(int)
     placed = [i for i, one in enumerate(result.report) if one.status == "placed"]
     joints = [sk.triangulate(one[some][:, placed], result.cameras) for one in found.in_step()]
@@ -171,7 +176,8 @@ def _sequence(found: Calibrated) -> page.Sequence3D:
         frame_rate=found.fps,
         joint_names=[f"{one}, {joint}" for one in people for joint in names] if people else names,
         skeleton=skeleton_of(found.layout),
-        up=world_up(result.cameras) if np.isnan(result.up_sigma) else np.array([0.0, 0.0, 1.0]),
+        up=np.array([0.0, 0.0, 1.0]) if floor else world_up(result.cameras),
+        floor_mm=0.0 if floor else None,
         start_name="",
         people=people,
     )

@@ -122,8 +122,8 @@ class ReportData(ArrayFields):
     shapes: CameraShapes
     tables: Sequence[Table]
     lines: Sequence[TimeLines]
-    # of several people: the sentences on each, if there are any on people, and (T,) how many cameras see them,
-    # −1 if they are not there
+    # of several people: the sentences on each, or none at all, and (T,) how many cameras see them, −1 if they
+    # are not there
     findings: Sequence[Sequence[Sentence]] = ()
     views: Sequence[Index] = ()
     heat: HeatMap | None = None
@@ -257,6 +257,7 @@ def _player(data: ReportData) -> dict[str, str]:
         "errors_only": only(bool(np.isfinite(sequence.error_bar).any())),
         "places_only": only(sigmas is not None),
         "problems_only": only(data.problems is not None),
+        "places": "checked" if sigmas is not None else "",
         "sigmas": f"{sigmas or 0:g}",
         "start": escape(sequence.start_name),
         "refined": sequence.refined_name,

@@ -73,6 +73,7 @@ class Sequence3D(ArrayFields):
     speed: Array | None = None
     # of several people: their names; they share the joints in equal parts, and have a colour each
     people: Sequence[str] = ()
+    floor_mm: float | None = None  # height of the floor along ``up``, where it is known
     on_floor: Sequence[int] = ()  # places of those whose lowest joint gives the floor; without any, of all
 
     @property
@@ -113,6 +114,7 @@ def pack_scene(sequence: Sequence3D, shapes: CameraShapes, places: Index) -> dic
         inside = (np.abs(away) <= half).all(axis=-1, keepdims=True)  # False for NaN
         return _whole(away * (_LARGEST / half), inside)
 
+    known = sequence.floor_mm
     standing = [parts[place][1] for place in sequence.on_floor or range(len(parts))]
     lowest = np.fmin.reduce(np.concatenate([refined[:, own, 2] for own in standing], axis=1), axis=1)
     lowest = lowest[np.isfinite(lowest)]
@@ -134,7 +136,12 @@ def pack_scene(sequence: Sequence3D, shapes: CameraShapes, places: Index) -> dic
         "spread": _spreads(turn @ sequence.error_bar[places] @ turn.T),
         "status": {"names": statuses.tolist(), "numbers": as_text(codes, "<u1")},
         "reach": [low.tolist(), high.tolist()],
-        "floor_mm": float(np.median(lowest)) if len(lowest) else float(low[2]),
+        "floor_mm": known
+        if known is not None
+        else float(np.median(lowest))
+        if len(lowest)
+        else float(low[2]),
+        "floor_known": known is not None,
         "cameras": _cameras(shapes, turn, origin),
     }
 

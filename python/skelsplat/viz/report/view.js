@@ -3,6 +3,7 @@
 
 const EMPTY = coordinates();
 const MOST_LABELS = 60;
+const WITH_PLACES = scene.cameras.some(({ root }) => root); // it is about the cameras
 const MOST_PATH = 300; // points; every trace is redrawn with every frame
 const CONFIG = {
   displaylogo: false, responsive: true, scrollZoom: true,
@@ -76,8 +77,7 @@ function surroundings(line) {
   const centres = coordinates();
   const pyramids = coordinates();
   for (const camera of scene.cameras) {
-    const above = camera.root ? Math.hypot(...camera.root[2]) : 0; // names are not inside of ellipsoids
-    push(centres, camera.centre.map((mm, axis) => (mm + (axis === 2 ? above : 0)) / 1000));
+    push(centres, (poles(camera)[5] ?? camera.centre).map((mm) => mm / 1000)); // names are above ellipsoids
     for (const points of pyramid(camera)) [...points, null].forEach((point) => push(pyramids, point));
   }
   return [
@@ -89,7 +89,7 @@ function surroundings(line) {
     pathsOnFloor(line, ground.height),
     { ...line, ...pyramids, line: { color: colour("camera"), width: 2.5 } },
     {
-      ...line, ...centres, mode: names.length > MOST_LABELS ? "markers" : scene.cameras[0].root ? "text" : "markers+text", text: names,
+      ...line, ...centres, mode: names.length > MOST_LABELS ? "markers" : WITH_PLACES ? "text" : "markers+text", text: names,
       hoverinfo: "text", textposition: "top center", textfont: soft,
       marker: { size: 3, color: colour("camera") },
     },
@@ -98,6 +98,11 @@ function surroundings(line) {
       color: colour("place"), opacity: 0.45, hoverinfo: "skip", flatshading: false, lighting: { ambient: 0.8, diffuse: 0.4, specular: 0 },
     },
   ];
+}
+
+// The ends of the ellipsoid of a camera's place along each axis, the last above; none without one.
+function poles({ centre, root }) {
+  return (root ?? []).flatMap((row, axis) => [-1, 1].map((sign) => centre.map((mm, k) => (k === axis ? mm + sign * Math.hypot(...row) : mm))));
 }
 
 // The corners of the ellipsoids of all cameras' places; of an unknown one all in one point.
@@ -128,7 +133,7 @@ const SPACE = space();
 
 function space() {
   const reach = scene.reach.map((corner) => corner.map((mm) => mm / 1000));
-  const points = scene.cameras.flatMap((camera) => [camera.centre, ...camera.corners]);
+  const points = scene.cameras.flatMap((camera) => [camera.centre, ...camera.corners, ...poles(camera)]);
   const low = [0, 1, 2].map((axis) => Math.min(reach[0][axis], ...points.map((p) => p[axis] / 1000)));
   const high = [0, 1, 2].map((axis) => Math.max(reach[1][axis], ...points.map((p) => p[axis] / 1000)));
   const size = Math.max(...[0, 1, 2].map((axis) => reach[1][axis] - reach[0][axis]));
@@ -164,7 +169,7 @@ function floor() {
   });
   const where = `${(1000 * height).toFixed(0)} mm`;
   document.getElementById("grid-size").textContent =
-    `floor grid: ${cell} m squares at ${scene.axes[2]} = ${where}, the usual height of the lowest joint`;
+    `floor grid: ${cell} m squares at ${scene.axes[2]} = ${where}${scene.floor_known ? "" : ", the usual height of the lowest joint"}`;
   return { lines, axes, texts, height };
 }
 
@@ -211,7 +216,7 @@ const TURNS = [0, 10, -10, 20, -20, 30, -30, 45, -45];
 
 // Of one person their way; of several, and where it is about the cameras, all of these.
 function firstLook() {
-  if (!scene.people[0].name && !scene.cameras.some(({ root }) => root)) return lookAt("person");
+  if (!scene.people[0].name && !WITH_PLACES) return lookAt("person");
   const looks = TURNS.map((degrees) => lookAt("all", turned(TOWARDS, degrees)));
   const covered = looks.map(coveredNames);
   return looks[covered.indexOf(Math.min(...covered))];
@@ -242,7 +247,7 @@ function coveredNames({ eye, center }) {
 function lookAt(what, towards = TOWARDS) {
   const [low, high] = SPACE.reach;
   const box = [0, 1, 2, 3, 4, 5, 6, 7].map((k) => [0, 1, 2].map((axis) => ((k >> axis) & 1 ? high : low)[axis]));
-  const cameras = scene.cameras.flatMap((camera) => [camera.centre, ...camera.corners]);
+  const cameras = scene.cameras.flatMap((camera) => [camera.centre, ...camera.corners, ...poles(camera)]);
   const others = cameras.map((point) => point.map((mm) => mm / 1000));
   others.push([...FLOOR.from.map((k) => k * FLOOR.cell), FLOOR.height]); // the axes
   return fit((what === "person" ? box : [...box, ...others]).map(inView), towards);
