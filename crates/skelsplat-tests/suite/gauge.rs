@@ -65,8 +65,8 @@ fn explained(cameras: &[Placed], factor: &DMatrix<f64>) -> Explanation {
 }
 
 /// Root-mean-square error of each camera's turn with the rig aligned, and the covariance of its
-/// shift: every column of `factor` is one error, of which the least squares of turns, times the size of the rig, and
-/// shifts over all directions is left.
+/// shift: every column of `factor` is one error, of which the least squares of turns, times the
+/// size of the rig, and shifts over all directions is left.
 fn aligned(cameras: &[Placed], factor: &DMatrix<f64>) -> Vec<(f64, Matrix3<f64>)> {
     let centres: Vec<Vector3<f64>> = cameras.iter().map(|one| one.camera.centre()).collect();
     let middle = centres.iter().sum::<Vector3<f64>>() / centres.len() as f64;

@@ -106,10 +106,7 @@ def calibrate(
     """
     source = given.get("intrinsics") or detections[0]
     options.check_output("--output", output, source, "calibration", _SUFFIXES, force=force)
-    if report is not None:
-        options.check_output("--report", report, source, "page", (".html",), force=force)
-        for package in DRAWING:
-            check_installed(package, "--report", "viz")
+    _check_report(report, source, force=force)
     with progress("steps", first="finding the cameras"):
         found = run_calibration(detections, **options.reading(given))
     rig, sure = found.found.cameras, found.found.sure
@@ -120,9 +117,8 @@ def calibrate(
         words = [[*_again(context, one, several=len(detections) > 1)] for one in found.recordings]
         commands = [shlex.join(["skelsplat", "refine", str(output), *again]) for again in words]
     if report is not None:
-        command = shlex.join(["skelsplat", *sys.argv[1:]])
-        written = [("calibration", str(output) if sure else "not written"), ("command", command)]
-        found.write_html(report, [*written, *(("next", one) for one in commands)])
+        made = [("calibration", str(output) if sure else "not written"), ("command", _typed())]
+        found.write_html(report, [*made, *(("next", one) for one in commands)])
     document = {
         "detections": list(map(str, detections)),
         "output": str(output) if sure else None,
@@ -144,6 +140,19 @@ def calibrate(
     return Answer(
         document, partial(_print, found, output, report, commands), tell_all, status=0 if sure else 1
     )
+
+
+def _check_report(report: Path | None, source: Path, *, force: bool) -> None:
+    """Refuse what cannot be the page, or a page without the packages that it needs."""
+    if report is not None:
+        options.check_output("--report", report, source, "page", (".html",), force=force)
+        for package in DRAWING:
+            check_installed(package, "--report", "viz")
+
+
+def _typed() -> str:
+    """Return the command."""
+    return shlex.join(["skelsplat", *sys.argv[1:]])
 
 
 def _again(context: typer.Context, recorded: Recorded, *, several: bool) -> Iterator[str]:

@@ -59,8 +59,7 @@ class Calibrated:
     recordings: tuple[Recorded, ...]
     findings: tuple[Finding, ...]
     layout: sk.Layout
-    frames: Index  # (T,) of ``found.people``: numbers in the files; of several recordings, a count
-    step: int  # by which the numbers go up
+    frames: Index  # (T,) of ``found.people``: numbers in the files; of several recordings, a count in steps
     fps: float | None  # frames per second of the files
 
     @property
@@ -70,7 +69,7 @@ class Calibrated:
 
     def in_step(self) -> Iterator[Array]:
         """Yield each person's detections (T, M, N, 3), those of all cameras at one time each."""
-        clocks = [one.clock / self.step for one in self.found.report]
+        clocks = [one.clock / step_of(self.frames) for one in self.found.report]
         for person in self.found.people:
             views = [
                 shifted(person[:, i], clock) if clock else person[:, i] for i, clock in enumerate(clocks)
@@ -210,34 +209,32 @@ def calibrate_cameras(
     with collected_warnings() as warnings:
         read = {name: value for name, value in (read or {}).items() if value is not None}
         _check_lenses(intrinsics, read, videos, same_focal)
-        paths = different(detections)
-        recordings = [_opened(path, intrinsics, read, videos, given) for path in paths]
-        names = recordings[0].names
-        for other in recordings[1:]:
-            _check_alike(recordings[0], other)
+        recordings = [_opened(path, intrinsics, read, videos, given) for path in different(detections)]
+        first, *others = recordings
+        for other in others:
+            _check_alike(first, other)
         if distance is not None:
             *ends, metres = distance
-            a, b = (camera_called(end, names, "distance") for end in ends)
+            a, b = (camera_called(end, first.names, "distance") for end in ends)
             distance = (a, b, metres)
         seen = [_Seen.of(recording, person) for recording in recordings]
         asked = {"stature": stature, "distance": distance, "same_focal": same_focal}
         result, offsets = _calibrated(seen, clock, asked)
     if not math.isfinite(result.scale_sigma):
-        layout = recordings[0].detections.skeleton.name
+        layout = first.detections.skeleton.name
         expected = f"that of two cameras, because {layout} lacks the proportions of people"
         raise InvalidInputError(f"distance: expected {expected}, got none")
     # places of lenses are ignored
     kept = [one for k, one in enumerate(warnings) if one.kind != "unit_wrong" and one not in warnings[:k]]
     return Calibrated(
         result,
-        focal=not isinstance(recordings[0].lenses[0], sk.Camera),
+        focal=not isinstance(first.lenses[0], sk.Camera),
         scale="distance" if distance is not None else "adults" if stature is None else "stature",
         recordings=tuple(map(partial(_recorded, result), seen, offsets)),
         findings=(*kept, *_findings(result, clock)),
-        layout=recordings[0].detections.skeleton,
-        frames=seen[0].frames if len(seen) == 1 else np.arange(len(result.people[0])),
-        step=seen[0].step,
-        fps=recordings[0].fps,
+        layout=first.detections.skeleton,
+        frames=seen[0].frames if len(seen) == 1 else seen[0].step * np.arange(len(result.people[0])),
+        fps=first.fps,
     )
 
 

@@ -227,7 +227,7 @@ function turned([x, y, z], degrees) {
   return [c * x - s * y, s * x + c * y, z];
 }
 
-// How many pairs of a person's and a camera's name overlap in the first frame.
+// How many names of people, and of cameras with ellipsoids, overlap with another camera in the first frame.
 function coveredNames({ eye, center }) {
   const from = [eye.x, eye.y, eye.z];
   const towards = unit([eye.x - center.x, eye.y - center.y, eye.z - center.z]);
@@ -239,8 +239,12 @@ function coveredNames({ eye, center }) {
   };
   const { x, y, z } = labels(scene.refined, 0);
   const people = x.map((_, k) => inPixels([x[k], y[k], z[k]]));
-  const cameras = scene.cameras.map((camera) => inPixels(camera.centre.map((mm) => mm / 1000)));
-  return people.flatMap((a) => cameras.filter((b) => Math.abs(a[0] - b[0]) < 70 && Math.abs(a[1] - b[1]) < 30)).length;
+  const inMetres = (point) => point.map((mm) => mm / 1000);
+  const cameras = scene.cameras.map(({ centre }) => inPixels(inMetres(centre)));
+  const names = WITH_PLACES ? scene.cameras.map((camera) => inPixels(inMetres(poles(camera)[5] ?? camera.centre))) : [];
+  const near = (a, b) => Math.abs(a[0] - b[0]) < 70 && Math.abs(a[1] - b[1]) < 30;
+  const covered = (a, place) => cameras.filter((b, k) => k !== place && near(a, b));
+  return [...people.flatMap((a) => covered(a)), ...names.flatMap(covered)].length;
 }
 
 // A camera that sees the person's way, or all cameras too, from a little above and as large as the view allows.
