@@ -62,10 +62,20 @@ def shapes(names):
     return report.CameraShapes(names, centres, np.broadcast_to(rays, (count, 4, 3)))
 
 
+def heat(rows, columns, value=2.0):
+    """Build a heat map whose cells are all the same."""
+    cells = np.full((len(rows), len(columns)), value)
+    kinds = [
+        report.Heat("error", "px", "%{z:.1f} px", cells),
+        report.Heat("rejected", "%", "%{z:.0f}%", cells, 100.0),
+    ]
+    return report.HeatMap("Cameras and joints", rows, columns, kinds)
+
+
 def report_data(walk=None, names=("door", "window"), **changes):
     """Build a whole report of a sequence."""
     walk = sequence() if walk is None else walk
-    frames, joints = walk.refined.shape[:2]
+    frames = len(walk.frames)
     table = report.Table(
         "Cameras",
         columns=[("name", ""), ("error", "median & so on")],
@@ -83,8 +93,7 @@ def report_data(walk=None, names=("door", "window"), **changes):
         "sequence": walk,
         "shapes": shapes(names),
         "tables": [table],
-        "errors_px": np.full((len(names), joints), 2.0),
-        "rejected": np.full((len(names), joints), 0.1),
+        "heat": heat(names, walk.joint_names),
         "lines": [
             report.TimeLines("Error", "px", [("before", "start", curve + 1.0), ("", "left", curve)]),
             report.TimeLines("Rejected", "", [("", "left", curve)], peaks=True),

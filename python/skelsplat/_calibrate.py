@@ -45,6 +45,8 @@ _SURE_PLACE = 0.06
 # Somebody who moves less, relative to the size of the body, shows the same few points in every frame: their
 # errors do not average out, and error bars are too small.
 _LEAST_MOVED = 0.3
+# What the core finds of each camera in one number.
+_NUMBERS = ("clock", "turn_sigma", "zoom_sigma", "clock_sigma", "distance", "explained", "zoom")
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,18 +91,25 @@ class CalibratedCamera:
         The share of its detections that lie within four times the noise.
     zoom : float
         By which factor its focal length seems to be wrong though it was given; 1 where it may be right.
+    place_covariance : (3, 3)
+        Of the camera's place along the axes of the world, in the square of the rig's unit.
     """
 
     name: str
     status: str
     clock: float
     turn_sigma: float
-    place_sigma: float
     focal_sigma: float
     clock_sigma: float
     error: float
     explained: float
     zoom: float
+    place_covariance: Array = field(repr=False, compare=False)
+
+    @property
+    def place_sigma(self) -> float:
+        """Root-mean-square length of the error of the camera's place."""
+        return math.sqrt(np.trace(self.place_covariance))
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +127,9 @@ class RigCalibration:
     (cameras are out of step), ``"cameras"`` (half of them or more are left out, or two are left to tell focal
     lengths), ``"lenses"`` (focal lengths that were given contradict the detections). Without any, the rig is
     ``sure``.
+
+    ``people`` are the detections by which the cameras were found, (T, M, N, 2|3) of each person, of all M
+    cameras: those of the argument, without whoever could not be told apart.
     """
 
     cameras: CameraRig
@@ -125,6 +137,7 @@ class RigCalibration:
     scale_sigma: float
     up_sigma: float
     doubts: tuple[str, ...] = ()
+    people: tuple[Array, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def clocks(self) -> dict[str, float]:
@@ -273,10 +286,17 @@ def _most_lag(clock: bool, fps: float | None) -> int:
 def _doubt_centres(cameras: Sequence[Camera], found: Mapping[str, Array]) -> None:
     """Widen the error bars of cameras whose principal point may not be the middle of the image."""
     centres = np.stack([np.asarray(camera.centre) for camera in cameras])
-    away = np.linalg.norm(centres - centres[np.asarray(found["used"])].mean(axis=0), axis=1)
+    middle = centres[np.asarray(found["used"])].mean(axis=0)
     off = np.array([_OFF_CENTRE * max(one.size) / np.asarray(one.K)[0, 0] for one in cameras])
     found["turn_sigma"][:] = np.hypot(found["turn_sigma"], off)
-    found["shift_sigma"][:] = np.hypot(found["shift_sigma"], off * away)
+    found["shift_covariance"][:] += _across(centres - middle, off)
+
+
+def _across(arms: Array, turns: Array) -> Array:
+    """Return covariances (M, 3, 3) of the ends of arms (M, 3) that turn by so much, rad, to any side."""
+    squares: Array = (arms**2).sum(axis=1)[:, None, None] * np.eye(3) - arms[:, :, None] * arms[:, None]
+    spread: Array = squares * (turns**2 / 2)[:, None, None]
+    return spread
 
 
 def _in_world(
@@ -301,15 +321,15 @@ def _in_world(
     floor = find_floor(points, layout, stature) if math.isfinite(stature) else None
     axes, origin = _world(floor, there[0])
     named = {names[i]: clock for i, clock in clocks.items()}
-    cameras_there = [moved(camera, axes, origin, scale) for camera in there]
-    placed = CameraRig(cameras_there, clocks=named, joint_sigma=scale * float(found["joint_sigma"]))
-    report = tuple(_report(found, names, i, scale) for i in range(len(cameras)))
+    in_world = [moved(camera, axes, origin, scale) for camera in there]
+    placed = CameraRig(in_world, clocks=named, joint_sigma=scale * float(found["joint_sigma"]))
+    report = tuple(_report(found, names, i, scale * axes) for i in range(len(cameras)))
     up_sigma = math.nan if floor is None else floor.sigma_deg
     still = [] if max(map(movement, of_each)) >= _LEAST_MOVED else ["movement"]
     wrong = ["lenses"] if any(one.zoom != 1.0 for one in report) else []
     wide = [] if _are_small(there, points, scale, report) else ["places"]
     every = (*still, *doubts, *wrong, *wide)  # of somebody who stands still, clocks say nothing
-    return RigCalibration(placed, report, scale_sigma, up_sigma, every)
+    return RigCalibration(placed, report, scale_sigma, up_sigma, every, tuple(everyone))
 
 
 def _joints(one: Array, cameras: CameraRig, clocks: Mapping[int, float], part: float) -> Array:
@@ -377,21 +397,20 @@ class _Size:
         return short * mean / shown, math.hypot(error / shown, spread / mean, doubt)
 
 
-def _report(found: Mapping[str, Array], names: Sequence[str], i: int, scale: float) -> CalibratedCamera:
-    """Return what was found about camera `i`."""
-    columns = {key: column for key, column in found.items() if key not in ("used", "stature", "joint_sigma")}
-    value = {key: float(column[i]) for key, column in columns.items()}
+def _report(found: Mapping[str, Array], names: Sequence[str], i: int, axes: Array) -> CalibratedCamera:
+    """Return what was found about camera `i`, in a world of these scaled axes (3, 3), rows."""
+    value = {name: float(found[name][i]) for name in _NUMBERS}
     return CalibratedCamera(
         name=names[i],
         status="placed" if found["used"][i] else "left_out",
         clock=value["clock"],
         turn_sigma=math.degrees(value["turn_sigma"]),
-        place_sigma=value["shift_sigma"] * scale,
         focal_sigma=value["zoom_sigma"],
         clock_sigma=value["clock_sigma"],
         error=value["distance"],
         explained=value["explained"],
         zoom=value["zoom"],
+        place_covariance=axes @ found["shift_covariance"][i] @ axes.T,
     )
 
 

@@ -29,12 +29,12 @@ def can_draw() -> bool:
     return all(importlib.util.find_spec(name) is not None for name in DRAWING)
 
 
-def check_installed(module: str, purpose: str) -> None:
+def check_installed(module: str, purpose: str, extra: str = "formats") -> None:
     """Raise as `require` does if a module is not installed, without importing it."""
     package = module.partition(".")[0]
     if package not in sys.modules and importlib.util.find_spec(package) is not None:
         return
-    require(module, purpose)
+    require(module, purpose, extra)
 
 
 def require(module: str, purpose: str, extra: str = "formats") -> ModuleType:

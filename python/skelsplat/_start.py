@@ -96,6 +96,19 @@ def from_line(*cameras: Camera) -> float:
     return _FROM_LINE * min(map(_reach, cameras))
 
 
+def off_lines(x: Array, y: Array, R: Array, t: Array) -> Array:
+    """Return squared distances (…) from epipolar lines, to first order, of joints x and y (…, 2) on rays.
+
+    A point p of the first view is R p + t in the second, of which t has any length.
+    """
+    essential = np.cross(t, R.T).T
+    x, y = (np.concatenate([one, np.ones((*one.shape[:-1], 1))], axis=-1) for one in (x, y))
+    line, other = x @ essential.T, y @ essential
+    slopes = np.square(line[..., :2]).sum(axis=-1) + np.square(other[..., :2]).sum(axis=-1)
+    squares: Array = np.square((y * line).sum(axis=-1)) / slopes
+    return squares
+
+
 def _reach(camera: Camera) -> float:
     """Return the longer side of a camera's image at distance 1."""
     return float(max(camera.size) / np.asarray(camera.K)[0, 0])

@@ -19,7 +19,16 @@ from skelsplat import _skelsplat
 from skelsplat._arrays import Array, Index, Mask, extents, medians, take_people
 from skelsplat._clocks import shifted
 from skelsplat._skelsplat import Camera, Layout
-from skelsplat._start import COMPARED, LEAST_JOINTS, from_line, lags_of, rays_of, relative, speeds_of
+from skelsplat._start import (
+    COMPARED,
+    LEAST_JOINTS,
+    from_line,
+    lags_of,
+    off_lines,
+    rays_of,
+    relative,
+    speeds_of,
+)
 from skelsplat._world import movement
 
 # Empty frames between people: more than clocks are compared by.
@@ -275,11 +284,7 @@ class _Pair:
 
     def spoken(self, R: Array, t: Array) -> Array:
         """Return what speaks for each two tracks if a point x of one view is R x + t in the other."""
-        essential = np.cross(t, R.T).T
-        x, y = (np.concatenate([one, np.ones((*one.shape[:2], 1))], axis=2) for one in (self.x, self.y))
-        line, other = x @ essential.T, y @ essential
-        slopes = np.square(line[..., :2]).sum(axis=2) + np.square(other[..., :2]).sum(axis=2)
-        squares = np.square((y * line).sum(axis=2)) / slopes / self.neutral**2
+        squares = off_lines(self.x, self.y, R, t) / self.neutral**2
         score = np.clip(-0.5 * np.log(np.maximum(squares, np.exp(-2 * _FOR))), -_AGAINST, None)
         return self.summed(np.nan_to_num(score).sum(axis=1))
 

@@ -53,8 +53,11 @@ def known() -> sk.RigCalibration:
     return sk.calibrate_cameras(walk(), list(RIG), layout=LAYOUT)
 
 
-def off(found: sk.RigCalibration) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Return what is left of turns, degrees, and places, mm, of the aligned rig, of its scale, and of up."""
+def aligned(found: sk.RigCalibration) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
+    """Return what is left of turns, degrees, and of places (M, 3), mm along the axes of the found world.
+
+    Of the aligned rig; and its scale and rotation (3, 3) into the true world.
+    """
     true = [RIG[name] for name in found.cameras.names]
     R, S = (np.stack([np.asarray(camera.R) for camera in rig]) for rig in (found.cameras, true))
     a, b = (np.stack([np.asarray(camera.centre) for camera in rig]) for rig in (found.cameras, true))
@@ -67,8 +70,14 @@ def off(found: sk.RigCalibration) -> tuple[np.ndarray, np.ndarray, float, float]
     scale = (b * (a @ Q.T)).sum() / (a**2).sum()
     cosines = (np.einsum("vij,vij->v", S, R @ Q.T) - 1) / 2
     turns = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
+    return turns, scale * a - b @ Q, float(scale), Q
+
+
+def off(found: sk.RigCalibration) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """Return what is left of turns, degrees, and places, mm, of the aligned rig, of its scale, and of up."""
+    turns, places, scale, Q = aligned(found)
     tilt = float(np.degrees(np.arccos(np.clip(Q[2, 2], -1, 1))))
-    return turns, np.linalg.norm(scale * a @ Q.T - b, axis=1), float(scale), tilt
+    return turns, np.linalg.norm(places, axis=1), scale, tilt
 
 
 def check_shape(found: sk.RigCalibration, degrees: float, mm: float) -> None:
@@ -90,6 +99,29 @@ def test_cameras_are_placed_by_a_walk() -> None:
     assert {one.clock for one in found.report} == {0.0}
     assert all(np.isnan([one.focal_sigma, one.clock_sigma]).all() for one in found.report)
     assert all(0.0 < one.error < 8.0 and one.explained > 0.9 for one in found.report)
+
+
+def test_places_scatter_as_their_covariances_say() -> None:
+    squares = []
+    for seed in (3, 4, 5, 6):
+        found = known() if seed == 3 else sk.calibrate_cameras(seen(seed=seed), list(RIG), layout=LAYOUT)
+        for one, error in zip(found.report, aligned(found)[1], strict=True):
+            squares.append(error @ np.linalg.solve(one.place_covariance, error))
+    # 3 ± 0.6 of 16 errors of three axes each; error bars may be up to twice as large as the errors
+    assert 3 / 4 < np.mean(squares) < 3 + 2 * 0.6
+
+
+def test_covariances_turn_with_the_world() -> None:
+    order = [2, 0, 1, 3]  # the first camera looks along y
+    found = sk.calibrate_cameras(walk()[:, order], [RIG[i] for i in order], layout=LAYOUT)
+    turned = []
+    for one in (known(), found):
+        *_, scale, Q = aligned(one)
+        turned.append({camera.name: scale**2 * Q @ camera.place_covariance @ Q.T for camera in one.report})
+    for name in NAMES:
+        np.testing.assert_allclose(turned[1][name], turned[0][name], atol=0.1 * turned[0][name].max())
+    axes = [np.asarray(rig[NAMES[0]].R) for rig in (known().cameras, found.cameras)]
+    assert np.abs(axes[0] - axes[1]).max() > 0.5
 
 
 def test_the_world_has_the_size_of_an_adult_and_stands_on_the_floor() -> None:

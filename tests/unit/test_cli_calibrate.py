@@ -12,47 +12,20 @@ import pytest
 import calibration_files as files
 import skelsplat as sk
 from command_line import assert_fails, invoke, read_report
-from skelsplat import synthetic
-from skelsplat.io import read_calibration, sample, write_calibration
+from report_page import data_of, numbers
+from rig_room import LATE, RIG, write_room
+from skelsplat.io import read_calibration, sample
 from skelsplat.io.detections import camera_labels
 from skelsplat.io.detections._record import Record, Video, write_record
 from skelsplat.run import folder
 
-RIG = synthetic.human36m_like(distortion=True)
 SIZE = "x".join(map(str, RIG[0].size))
 LAYOUT = ["--layout", "h36m17"]
-LATE = 12  # frames that the numbers of cam2 are too high
 
 
 @pytest.fixture(scope="module")
 def room(tmp_path_factory):
-    """Write a walk of 5 s; in ``late`` cam2 is late and cam3 ends early, in ``other`` cam4 sees another."""
-    top = tmp_path_factory.mktemp("room")
-    pace = np.cumsum(np.rint(4 + 3 * np.sin(np.cumsum(np.linspace(0.1, 0.3, 140))))).astype(int)
-    seen = [
-        synthetic.simulate_detections(
-            synthetic.motion("walk", 1000, fps=100, seed=seed)[pace],  # one that is not periodic
-            RIG,
-            noise=synthetic.DetectionNoise.good(),
-            seed=seed,
-        )[LATE:, ..., :2]
-        for seed in (1, 7)
-    ]
-    write_calibration(top / "lenses.toml", RIG)
-    late, other = seen[0].copy(), seen[0].copy()
-    late[LATE:, 1] = seen[0][:-LATE, 1]
-    other[:, 3] = seen[1][:, 1]
-    rng = np.random.default_rng(0)
-    still = seen[0][:1] + rng.normal(0, 8, seen[0][:1].shape) + rng.normal(0, 0.3, seen[0].shape)
-    recordings = {"pose": seen[0], "late": late[LATE:], "other": other, "still": still, "short": late[:3]}
-    for name, detections in recordings.items():
-        files.openpose_folders(top / name, RIG, detections)
-    files.openpose_folders(top / "nobody", RIG, np.full((70, 4, 17, 2), np.nan))
-    files.openpose_folders(top / "two", sk.CameraRig(RIG[:2].cameras), seen[0][:, :2])
-    files.openpose_folders(top / "one", sk.CameraRig(RIG[:1].cameras), seen[0][:, :1])
-    for path in sorted((top / "late" / "cam3").iterdir())[-5:]:
-        path.unlink()
-    return top
+    return write_room(tmp_path_factory.mktemp("room"))
 
 
 def pasted(result):
@@ -92,7 +65,10 @@ def test_the_sample_without_its_places(tmp_path):
     ratio = distances(rig, rig.names) / (1000 * distances(shipped, rig.names))
     assert ratio.std() / ratio.mean() < 0.05
     assert_fails(invoke(*options), 1, "new.toml: output: expected no file of this name (--force replaces")
-    document = json.loads(invoke(*options, "--force", "--json").stdout)
+    page = tmp_path / "cameras.html"
+    document = json.loads(invoke(*options, "--force", "--json", "--report", page).stdout)
+    assert document["report"] == str(page)
+    assert len(data_of(page.read_text())["scene"]["cameras"]) == 4
     assert document["scale"]["from"] == "stature"
     assert [one["status"] for one in document["cameras"]] == ["placed"] * 4
     assert all(one["error_px"] < 10 and one["clock_sigma_frames"] is None for one in document["cameras"])
@@ -123,7 +99,8 @@ def test_the_printed_command_makes_late_cameras_step_together(room, tmp_path):
 def test_a_useless_camera_is_left_out(room, tmp_path):
     out = tmp_path / "Calib.json"
     options = ["--intrinsics", room / "lenses.toml", "--stature", 1.7, "--fps", 25]
-    result = invoke("calibrate", room / "other", "-o", out, *LAYOUT, *options)
+    page = tmp_path / "cameras.html"
+    result = invoke("calibrate", room / "other", "-o", out, *LAYOUT, *options, "--report", page)
     assert result.exit_code == 0, result.output
     assert "! cam4 was left out" in result.stdout
     rig = read_calibration(out)
@@ -132,6 +109,17 @@ def test_a_useless_camera_is_left_out(room, tmp_path):
     np.testing.assert_allclose(ratio, ratio.mean(), rtol=0.01)
     command = pasted(result)
     assert command[-2:] == ["--order", "cam1,cam2,cam3"]
+    data = data_of(page.read_text())
+    assert [one["name"] for one in data["scene"]["cameras"]] == ["cam1", "cam2", "cam3"]
+    explained, distance, shared = (
+        numbers(kind["values"], "<f4").reshape(4, 4) for kind in data["heat"]["kinds"]
+    )
+    others = ~np.eye(4, dtype=bool)
+    assert (shared[others] > 1000).all()
+    others[3] = others[:, 3] = False  # cam4, which was left out, has no epipolar lines
+    np.testing.assert_array_equal(np.isfinite(explained), others)
+    assert (explained[others] > 90).all()
+    assert (distance[others] < 3).all()
     assert error_after(command, tmp_path / "out") < 4
 
 
@@ -159,13 +147,24 @@ def test_focal_lengths_and_sizes_from_what_the_folder_knows(room, tmp_path):
 
 
 def test_a_recording_that_does_not_tell_is_refused_with_what_to_film(room, tmp_path):
-    out = tmp_path / "a.toml"
-    result = invoke("calibrate", room / "still", "-o", out, *LAYOUT, "--intrinsics", room / "lenses.toml")
+    out, page = tmp_path / "a.toml", tmp_path / "a.html"
+    given = [*LAYOUT, "--intrinsics", room / "lenses.toml", "--report", page]
+    result = invoke("calibrate", room / "still", "-o", out, *given)
     assert result.exit_code == 1, result.output
     words = " ".join(result.stdout.split())
     assert "! This recording does not tell where the cameras are" in words
     assert "two metres or more, turning once, and raising the arms." in words
     assert not out.exists()
+    text = page.read_text()
+    assert "<dd>not written</dd>" in text
+    assert "This recording does not tell where the cameras are" in text
+    assert len(data_of(text)["scene"]["cameras"]) == 4
+    assert_fails(
+        invoke("calibrate", room / "still", "-o", out, *given), 1, "a.html: report: expected no file"
+    )
+    assert_fails(
+        invoke("calibrate", room / "still", "-o", out, "--report", "a.pdf"), 2, "as .html, got '.pdf'"
+    )
 
 
 @pytest.mark.parametrize(

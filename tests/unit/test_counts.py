@@ -9,12 +9,12 @@ import counts
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 34_049,
-    "cli": 3_381,
-    "core": 18_944,
-    "binding": 2_701,
-    "Rust tests": 6_164,
-    "Python tests": 26_416,
+    "package": 34_468,
+    "cli": 3_408,
+    "core": 18_959,
+    "binding": 2_703,
+    "Rust tests": 6_168,
+    "Python tests": 26_554,
     "benchmarks and tools": 4_315,
     "docs, words": 41_870,
     "README, words": 1_330,

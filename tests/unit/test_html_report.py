@@ -5,12 +5,13 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from people_page import crowd, people_report
-from report_page import NASTY, data_of, numbers, report_data, sequence, text_of
+from report_page import JOINTS, NASTY, data_of, heat, numbers, report_data, sequence, shapes, text_of
 from skelsplat.viz import report
 from skelsplat.viz._body import upright
 from skelsplat.viz.report._scene import MISSING, MOST_POSITIONS
@@ -53,7 +54,7 @@ def test_names_from_files_are_escaped_in_markup_and_in_data(written):
     text = written(data)
     assert "<b onclick" not in text
     assert text.count("</script>") == 3
-    assert data_of(text)["scene"]["joints"][0] == data_of(text)["heat"]["cameras"][0] == NASTY
+    assert data_of(text)["scene"]["joints"][0] == data_of(text)["heat"]["rows"][0] == NASTY
     assert data_of(text)["problems"] == [[101, 103, NASTY]]
     assert "<td>&lt;/script&gt;&lt;b onclick=x&gt;&quot;&#x27;&amp;" in text
 
@@ -100,7 +101,7 @@ def test_a_sequence_without_a_single_joint_has_a_page(written, frames):
         status=np.full((frames, 3), "unobserved"),
         frame_rate=None,
     )
-    unknown = {"errors_px": np.full((2, 3), np.nan), "rejected": np.full((2, 3), np.nan)}
+    unknown = {"heat": heat(("door", "window"), JOINTS, np.nan)}
     lines = [report.TimeLines("Error", "px", [("", "left", np.full(frames, np.nan))], peaks=True)]
     text = written(report_data(walk, **unknown, lines=lines, problems=[], warnings=[]))
     packed = data_of(text)["scene"]
@@ -114,6 +115,27 @@ def test_the_vertical_becomes_z_by_a_rotation_of_named_axes():
         np.testing.assert_array_equal(turn @ up, [0.0, 0.0, 1.0])
         assert np.linalg.det(turn) == pytest.approx(1.0)
         assert sorted(name[-1] for name in names) == ["x", "y", "z"]
+
+
+def about_cameras(**changes):
+    """Build a report on two cameras, one of them with an ellipsoid, without poses before or problems."""
+    stood = shapes(("door", "window"))
+    covariances = np.stack([np.diag([400.0, 100.0, 25.0]), np.full((3, 3), np.nan)])
+    walk = sequence(start=None, error_bar=np.full((40, 3, 3, 3), np.nan), floor_mm=0.0)
+    given = {"shapes": replace(stood, covariances=covariances), "problems": None, "lines": [], **changes}
+    return report_data(walk, heat=heat(("door", "window"), ("door", "window")), **given)
+
+
+def test_ellipsoids_of_cameras_are_drawn_at_the_stated_multiple(written):
+    text = written(about_cameras())
+    packed = data_of(text)["scene"]
+    door, window = packed["cameras"]
+    # the widest, of 20 mm, as long as the pyramids of 135 mm at most
+    assert "error ellipsoids of cameras, 5σ" in text
+    np.testing.assert_allclose(door["root"], np.diag([100.0, 50.0, 25.0]), atol=1e-9)
+    assert window["root"] is None
+    assert packed["start"] is None
+    assert packed["floor_mm"] == 0.0
 
 
 # Several people

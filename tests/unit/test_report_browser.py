@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import shutil
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,6 +14,9 @@ from matplotlib.image import imread
 
 from people_page import people_report
 from report_page import report_data, sequence
+from rig_room import RIG, write_room
+from skelsplat.run.calibrate import calibrate_cameras
+from skelsplat.run.calibrate_page import page_of
 from skelsplat.viz import _style, report
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -290,6 +294,36 @@ def test_people_have_their_colours_and_names_in_the_view(visit):
     assert page.evaluate("labels(scene.refined, 30).texts") == ["person 0", "person 1"]
     page.check("#ellipsoids")
     wait(page, "view.div.data[MOVING.indexOf('ellipsoids')].visible === true")
+
+
+@pytest.fixture(scope="module")
+def of_cameras(tmp_path_factory):
+    """Return what makes the data of the page of a calibration by each recording."""
+    room = write_room(tmp_path_factory.mktemp("room"))
+    read = {"layout": "h36m17", "fps": 25.0}
+    found = {
+        name: calibrate_cameras(room / name, room / "lenses.toml", **read) for name in ("other", "still")
+    }
+    return {name: partial(page_of, one, ()) for name, one in found.items()}
+
+
+@pytest.mark.parametrize(("name", "cameras"), [("other", ["cam1", "cam2", "cam3"]), ("still", RIG.names)])
+def test_the_page_of_a_calibration_shows_its_cameras(visit, of_cameras, name, cameras):
+    page = visit(of_cameras[name])
+    names = page.evaluate("view.div.data[MOVING.length + FIXED.indexOf('names')].text")
+    assert names == list(cameras)
+    corners = page.evaluate("placesOfCameras().x.length / SPHERE.corners.length")
+    assert corners == len(cameras)
+    shown = picture(page)
+    page.uncheck("#places")
+    assert np.abs(picture(page) - shown).max() > 0.1
+    for hidden in ("#ellipsoids", "#problems", "#next", "input[value=start]"):
+        assert not page.is_visible(hidden)
+    page.check("input[name=heat][value='2']")
+    cells = "heatMap.data[0].z[0]"
+    wait(page, f"{cells}[1] > 1000")
+    page.evaluate("show(50)")
+    picture(page)
 
 
 def test_a_bar_is_as_long_as_the_person_is_there(visit):

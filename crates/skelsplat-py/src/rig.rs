@@ -95,7 +95,9 @@ pub(crate) fn calibrate_cameras<'py>(
     out.set_item("used", cameras.iter().map(|camera| camera.used).collect::<Vec<_>>())?;
     out.set_item("clock", each(|camera| camera.placed.clock))?;
     out.set_item("turn_sigma", each(|camera| camera.bars.turn))?;
-    out.set_item("shift_sigma", each(|camera| camera.bars.shift))?;
+    let places: Vec<f64> =
+        cameras.iter().flat_map(|camera| camera.bars.place.data.0).flatten().collect();
+    out.set_item("shift_covariance", Out(places, vec![m, 3, 3]))?;
     out.set_item("zoom_sigma", each(|camera| camera.bars.zoom))?;
     out.set_item("clock_sigma", each(|camera| camera.bars.clock))?;
     out.set_item("distance", each(|camera| camera.distance))?;

@@ -1,6 +1,6 @@
 //! Error bars of a rig as a whole free, against its directions by central differences.
 
-use nalgebra::{DMatrix, Rotation3, Vector2, Vector3};
+use nalgebra::{DMatrix, Matrix3, Rotation3, Vector2, Vector3};
 use skelsplat_core::study::rig::bundle::{Bundle, Lenses};
 use skelsplat_core::study::rig::gauge::Sureness;
 use skelsplat_core::study::rig::placed::{PARAMETERS, Sight, Step};
@@ -65,10 +65,10 @@ fn explained(cameras: &[Placed], factor: &DMatrix<f64>) -> Explanation {
     rig
 }
 
-/// Root-mean-square error of each camera's turn and shift with the rig aligned: every column of
-/// `factor` is one error, of which the least squares of turns, times the size of the rig, and
-/// shifts over all directions is left.
-fn aligned(cameras: &[Placed], factor: &DMatrix<f64>) -> Vec<[f64; 2]> {
+/// Root-mean-square error of each camera's turn with the rig aligned, and the covariance of its
+/// shift: every column of `factor` is one error, of which the least squares of turns, times the
+/// size of the rig, and shifts over all directions is left.
+fn aligned(cameras: &[Placed], factor: &DMatrix<f64>) -> Vec<(f64, Matrix3<f64>)> {
     let centres: Vec<Vector3<f64>> = cameras.iter().map(|one| one.camera.centre()).collect();
     let middle = centres.iter().sum::<Vector3<f64>>() / centres.len() as f64;
     let squares: f64 = centres.iter().map(|centre| (centre - middle).norm_squared()).sum();
@@ -80,8 +80,11 @@ fn aligned(cameras: &[Placed], factor: &DMatrix<f64>) -> Vec<[f64; 2]> {
     let (free, errors) = (scaled(&directions(cameras)), scaled(factor));
     let away = free.clone().svd(true, true).solve(&errors, 1e-12).unwrap();
     let left = errors - free * away;
-    let length = |i: usize, first: usize| left.rows(PARAMETERS * i + first, 3).norm();
-    (0..cameras.len()).map(|i| [length(i, 0) / size, length(i, 3)]).collect()
+    let of_camera = |i: usize| {
+        let shift = left.fixed_rows::<3>(PARAMETERS * i + 3);
+        (left.rows(PARAMETERS * i, 3).norm() / size, shift * shift.transpose())
+    };
+    (0..cameras.len()).map(of_camera).collect()
 }
 
 fn bars(rig: &Explanation) -> Vec<Bars> {
@@ -118,11 +121,12 @@ fn no_direction_of_the_rig_as_a_whole_changes_a_projection() {
 fn error_bars_are_those_of_the_aligned_rig() {
     let (cameras, errors) = (placed(), errors(40));
     let bars = bars(&explained(&cameras, &errors));
-    for (Bars { turn, shift, .. }, [exact_turn, exact_shift]) in
+    for (Bars { turn, shift, place, .. }, (exact_turn, exact)) in
         bars.into_iter().zip(aligned(&cameras, &errors))
     {
         assert!((turn / exact_turn - 1.0).abs() < 1e-6, "{turn} {exact_turn}");
-        assert!((shift / exact_shift - 1.0).abs() < 1e-6, "{shift} {exact_shift}");
+        assert!((shift / exact.trace().sqrt() - 1.0).abs() < 1e-6, "{shift} {exact}");
+        assert!((place - exact).amax() < 1e-6 * exact.amax(), "{place} {exact}");
     }
 }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -13,7 +14,8 @@ from typing import Any
 import typer
 from rich.console import Console
 
-from skelsplat._words import number, percent, with_bar
+from skelsplat._optional import DRAWING, check_installed
+from skelsplat._words import number
 from skelsplat.cli import options
 from skelsplat.cli.command import Answer, answers
 from skelsplat.cli.config import source_of
@@ -23,6 +25,7 @@ from skelsplat.cli.table import new_table, print_table
 from skelsplat.io import write_calibration
 from skelsplat.run.calibrate import Calibrated, Recorded
 from skelsplat.run.calibrate import calibrate_cameras as run_calibration
+from skelsplat.run.tables import of_calibrated
 
 _EPILOG = "Exit status: 0 written; 1 failed, or the recording does not tell where the cameras are."
 _SUFFIXES = (".toml", ".json", ".npz")
@@ -70,6 +73,8 @@ _ROWS = (
         """
         Output:
         * -o, --output FILE  Calibration file to write: .toml (Anipose), .json or .npz. [required]
+        * --report FILE.html  Page with the cameras, their error ellipsoids in 3D, and what pairs of them
+            explain; also written if the recording does not tell where the cameras are.
         * --force  Replace FILE if it exists.
         """
     ),
@@ -78,7 +83,13 @@ _ROWS = (
 
 @answers(*_ROWS, short=True, epilog=_EPILOG)
 def calibrate(
-    context: typer.Context, detections: list[Path], *, output: Path, force: bool, **given: Any
+    context: typer.Context,
+    detections: list[Path],
+    *,
+    output: Path,
+    force: bool,
+    report: Path | None = None,
+    **given: Any,
 ) -> Answer:
     """Find where the cameras are from the detections of people who walk about.
 
@@ -95,6 +106,7 @@ def calibrate(
     """
     source = given.get("intrinsics") or detections[0]
     options.check_output("--output", output, source, "calibration", _SUFFIXES, force=force)
+    _check_report(report, source, force=force)
     with progress("steps", first="finding the cameras"):
         found = run_calibration(detections, **options.reading(given))
     rig, sure = found.found.cameras, found.found.sure
@@ -104,9 +116,13 @@ def calibrate(
         write_calibration(output, rig, note=note, adjusted=True)
         words = [[*_again(context, one, several=len(detections) > 1)] for one in found.recordings]
         commands = [shlex.join(["skelsplat", "refine", str(output), *again]) for again in words]
+    if report is not None:
+        made = [("calibration", str(output) if sure else "not written"), ("command", _typed())]
+        found.write_html(report, [*made, *(("next", one) for one in commands)])
     document = {
         "detections": list(map(str, detections)),
         "output": str(output) if sure else None,
+        "report": None if report is None else str(report),
         "unit": rig.unit,
         "frames": sum(one.frames for one in found.recordings),
         "scale": {"from": found.scale, "relative_sigma": found.found.scale_sigma},
@@ -121,7 +137,22 @@ def calibrate(
         for finding in found.findings:
             tell(finding)
 
-    return Answer(document, partial(_print, found, output, commands), tell_all, status=0 if sure else 1)
+    return Answer(
+        document, partial(_print, found, output, report, commands), tell_all, status=0 if sure else 1
+    )
+
+
+def _check_report(report: Path | None, source: Path, *, force: bool) -> None:
+    """Refuse what cannot be the page, or a page without the packages that it needs."""
+    if report is not None:
+        options.check_output("--report", report, source, "page", (".html",), force=force)
+        for package in DRAWING:
+            check_installed(package, "--report", "viz")
+
+
+def _typed() -> str:
+    """Return the command."""
+    return shlex.join(["skelsplat", *sys.argv[1:]])
 
 
 def _again(context: typer.Context, recorded: Recorded, *, several: bool) -> Iterator[str]:
@@ -142,24 +173,21 @@ def _again(context: typer.Context, recorded: Recorded, *, several: bool) -> Iter
         yield from ("--offset", f"{camera}={frames}")
 
 
-def _print(found: Calibrated, output: Path, commands: list[str], console: Console) -> None:
-    heads = ["status", "error\n[px]", "explained", "turn ±\n[°]", "place ±\n[mm]"]
-    clocks = any(one["clock_sigma_frames"] for one in found.cameras)
-    heads += ["focal length\n[px]"] * found.focal + ["clock\n[frames]"] * clocks
-    table = new_table("Cameras", "camera", heads)
-    for one in found.cameras:
-        cells = [one["status"].replace("_", " "), _cell(one["error_px"])]
-        cells += [percent(one["explained"]) if one["explained"] is not None else "–"]
-        cells += [_cell(one["degrees_sigma"]), _cell(one["mm_sigma"], 0)]
-        for name in ("focal_px",) * found.focal + ("clock_frames",) * clocks:
-            sigma = one[name.replace("_", "_sigma_")]
-            cells.append(with_bar(one[name], sigma, "+" * (name != "focal_px")) if sigma else "–")
-        table.add_row(one["camera"], *cells)
+def _print(
+    found: Calibrated, output: Path, report: Path | None, commands: list[str], console: Console
+) -> None:
+    shown = of_calibrated(found)
+    heads = [head.replace(" [", "\n[") for head, _ in shown.columns]
+    table = new_table(shown.title, heads[0], heads[1:])
+    for row in shown.rows:
+        table.add_row(*row)
     print_table(console, table)
     console.print(_LEGEND, style="dim")
     console.print()
     for finding in found.findings:
         print_finding(console, finding)
+    if report is not None:
+        say(f"Wrote {report}.")
     if not commands:
         say(f"{output} was not written.")
         return
@@ -182,7 +210,3 @@ def _world(found: Calibrated) -> str:
     if not math.isfinite(found.found.up_sigma):
         up = "z is not up, as the layout lacks ankles, shoulders or a head"
     return f"Lengths are {lengths[found.scale]}; {up}."
-
-
-def _cell(value: float | None, digits: int = 1) -> str:
-    return "–" if value is None else number(value, digits)

@@ -92,7 +92,10 @@ def positive(option: str, value: float) -> float:
 # What the last word of a metavar says of the values.
 _KINDS: dict[str, dict[str, Any]] = {
     **{key: {"kind": Path} for key in ("FOLDER", "FILE", "PATH", "ROOT", "RUN", "VIDEOS", "SESSIONS")},
-    **{key: {"kind": Path} for key in ("CALIBRATION", "DETECTIONS", "INPUT", "OUTPUT", "POSE.npz")},
+    **{
+        key: {"kind": Path}
+        for key in ("CALIBRATION", "DETECTIONS", "INPUT", "OUTPUT", "POSE.npz", "FILE.html")
+    },
     "HZ": {"kind": float, "read": positive},
     "MM": {"kind": float},
     "N": {"kind": int, "limits": {"min": 1}},

@@ -58,11 +58,33 @@ class Calibrated:
     scale: str  # what gave it: "stature", "distance", or "adults" in general
     recordings: tuple[Recorded, ...]
     findings: tuple[Finding, ...]
+    layout: sk.Layout
+    frames: Index  # (T,) of ``found.people``: numbers in the files; of several recordings, a count in steps
+    fps: float | None  # frames per second of the files
 
     @property
     def cameras(self) -> tuple[dict[str, Any], ...]:
         """What was found about each camera, as numbers with units in their names; None where unknown."""
         return tuple(self._numbers(one) for one in self.found.report)
+
+    def in_step(self) -> Iterator[Array]:
+        """Yield each person's detections (T, M, N, 3), those of all cameras at one time each."""
+        clocks = [one.clock / step_of(self.frames) for one in self.found.report]
+        for person in self.found.people:
+            views = [
+                shifted(person[:, i], clock) if clock else person[:, i] for i, clock in enumerate(clocks)
+            ]
+            yield np.stack(views, axis=1)
+
+    def write_html(self, path: str | Path, facts: Sequence[tuple[str, str]] = ()) -> None:
+        """Write a page with the cameras in 3D, their error ellipsoids, and what pairs of them explain.
+
+        Also if the recording does not tell where the cameras are. ``facts`` are further names and values for
+        its head.
+        """
+        from skelsplat.run.calibrate_page import write_html  # matplotlib takes long to load
+
+        write_html(self, Path(path), facts)
 
     def _numbers(self, one: sk.CalibratedCamera) -> dict[str, Any]:
         placed = one.status == "placed"
@@ -108,7 +130,12 @@ class _Seen:
 
     recording: _Recording
     people: Array
-    step: int
+    frames: Index
+
+    @property
+    def step(self) -> int:
+        """What the numbers of the frames go up by."""
+        return step_of(self.frames)
 
     @classmethod
     def of(cls, recording: _Recording, person: str | None) -> _Seen:
@@ -120,7 +147,7 @@ class _Seen:
         stopped = frozen_finding(names, frozen(seen), found.frames)
         if stopped is not None:
             warn(stopped)
-        return cls(recording, evened(seen, found.frames)[0], step_of(found.frames))
+        return cls(recording, *evened(seen, found.frames))
 
     def calibrated(self, people: Array, **asked: Any) -> sk.RigCalibration:
         """Find the cameras by these detections, with lenses, joints and frame rate of the recording."""
@@ -182,30 +209,32 @@ def calibrate_cameras(
     with collected_warnings() as warnings:
         read = {name: value for name, value in (read or {}).items() if value is not None}
         _check_lenses(intrinsics, read, videos, same_focal)
-        paths = different(detections)
-        recordings = [_opened(path, intrinsics, read, videos, given) for path in paths]
-        names = recordings[0].names
-        for other in recordings[1:]:
-            _check_alike(recordings[0], other)
+        recordings = [_opened(path, intrinsics, read, videos, given) for path in different(detections)]
+        first, *others = recordings
+        for other in others:
+            _check_alike(first, other)
         if distance is not None:
             *ends, metres = distance
-            a, b = (camera_called(end, names, "distance") for end in ends)
+            a, b = (camera_called(end, first.names, "distance") for end in ends)
             distance = (a, b, metres)
         seen = [_Seen.of(recording, person) for recording in recordings]
         asked = {"stature": stature, "distance": distance, "same_focal": same_focal}
         result, offsets = _calibrated(seen, clock, asked)
     if not math.isfinite(result.scale_sigma):
-        layout = recordings[0].detections.skeleton.name
+        layout = first.detections.skeleton.name
         expected = f"that of two cameras, because {layout} lacks the proportions of people"
         raise InvalidInputError(f"distance: expected {expected}, got none")
     # places of lenses are ignored
     kept = [one for k, one in enumerate(warnings) if one.kind != "unit_wrong" and one not in warnings[:k]]
     return Calibrated(
         result,
-        focal=not isinstance(recordings[0].lenses[0], sk.Camera),
+        focal=not isinstance(first.lenses[0], sk.Camera),
         scale="distance" if distance is not None else "adults" if stature is None else "stature",
         recordings=tuple(map(partial(_recorded, result), seen, offsets)),
         findings=(*kept, *_findings(result, clock)),
+        layout=first.detections.skeleton,
+        frames=seen[0].frames if len(seen) == 1 else seen[0].step * np.arange(len(result.people[0])),
+        fps=first.fps,
     )
 
 

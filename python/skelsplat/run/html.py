@@ -55,16 +55,23 @@ def write_html(run: Run, path: Path) -> None:
     data = page.ReportData(
         title=_title(run.report, f"person {person}" if person.isdecimal() else ""),
         facts=tables.facts_of(run.report),
-        warnings=_sentences(run.findings),
+        warnings=sentences(run.findings),
         notes=_notes(run, run.poses.frame_rate, _on_run(run)),
         numbers=tables.key_numbers(run),
         problems=rows_of(problems_of(run.frame_findings), run.frames.tolist()),
         sequence=_sequence(run),
         shapes=camera_shapes(run.cameras),
-        tables=_shown(tables.of_adjusted(run.report), tables.of_cameras(run), tables.of_joints(run)),
+        tables=shown(tables.of_adjusted(run.report), tables.of_cameras(run), tables.of_joints(run)),
         lines=[*_lines(run), *_angle_lines(run)],
-        errors_px=errors_px[:-1, :-1],
-        rejected=rejected[:-1, :-1],
+        heat=page.HeatMap(
+            "Cameras and joints",
+            run.cameras.names,
+            run.layout.joints,
+            [
+                page.Heat("median reprojection error", "px", "median error %{z:.1f} px", errors_px[:-1, :-1]),
+                page.Heat("detections rejected", "%", "%{z:.0f}% rejected", 100 * rejected[:-1, :-1], 100.0),
+            ],
+        ),
         bones=run.outcome.bones_mm(run.inputs),
     )
     page.write_report(path, data)
@@ -86,7 +93,7 @@ def write_people_html(run: PeopleRun, path: Path) -> None:
     data = page.ReportData(
         title=_title(run.report, count_of(run)),
         facts=[*facts, *([] if most == "all" else [("people at most", str(most))])],
-        warnings=_sentences(run.findings),
+        warnings=sentences(run.findings),
         notes=_notes(run, first.poses.frame_rate, _ON_PEOPLE),
         numbers=tables.numbers_of_people(run),
         problems=sorted(problems, key=lambda row: row[:2]),
@@ -102,16 +109,17 @@ def write_people_html(run: PeopleRun, path: Path) -> None:
         shapes=camera_shapes(first.cameras),
         tables=[
             page.Table(**vars(tables.of_people(run)), marks=marks),
-            *_shown(tables.of_adjusted(run.report)),
+            *shown(tables.of_adjusted(run.report)),
         ],
         lines=lines_of_people(tracks, frames),
-        findings=[_sentences(one.findings, notes=True) for one in runs],
+        findings=[sentences(one.findings, notes=True) for one in runs],
         views=[spread_out(frames, track.frames, track.views, -1) for track in tracks],
     )
     page.write_report(path, data)
 
 
-def _shown(*rows: tables.Rows) -> list[page.Table]:
+def shown(*rows: tables.Rows) -> list[page.Table]:
+    """Return tables for the page."""
     return [page.Table(**vars(one)) for one in rows]
 
 
@@ -121,7 +129,7 @@ def _title(report: dict[str, Any], of_whom: str) -> str:
     return f"SkelSplat: {named}" if named else "SkelSplat"
 
 
-def _sentences(findings: Sequence[Finding], *, notes: bool = False) -> list[Sentence]:
+def sentences(findings: Sequence[Finding], *, notes: bool = False) -> list[Sentence]:
     """Return findings with the settings that help, as in a config file; "…" where the user chooses."""
 
     def setting(remedy: Remedy) -> str:
@@ -159,15 +167,20 @@ def _on_run(run: Run) -> list[str]:
     ]
 
 
-def camera_shapes(rig: sk.CameraRig) -> page.CameraShapes:
-    """Return the positions of the cameras and the rays to the corners of their images, in mm."""
+def camera_shapes(rig: sk.CameraRig, covariances: Array | None = None) -> page.CameraShapes:
+    """Return the positions of the cameras and the rays to the corners of their images, in mm.
+
+    ``covariances`` (M, 3, 3) of the positions are in the square of the rig's unit.
+    """
     corners = []
     for camera in rig:
         right, low = np.array(camera.size) - 0.5
         pixels = np.array([[-0.5, -0.5, 1.0], [right, -0.5, 1.0], [right, low, 1.0], [-0.5, low, 1.0]])
         corners.append(pixels @ np.linalg.inv(camera.K).T @ np.asarray(camera.R))
-    centres = np.array([camera.centre for camera in rig]) * rig.mm_per_unit
-    return page.CameraShapes(rig.names, centres, np.array(corners))
+    mm = rig.mm_per_unit
+    centres = np.array([camera.centre for camera in rig]) * mm
+    spread = None if covariances is None else covariances * mm**2
+    return page.CameraShapes(rig.names, centres, np.array(corners), spread)
 
 
 def _sequence(run: Run) -> page.Sequence3D:

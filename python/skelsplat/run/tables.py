@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skelsplat._words import length, number, with_bar
+from skelsplat._words import length, number, percent, with_bar
 from skelsplat.run.frames import problems_of
 from skelsplat.run.report import MEANINGS
 from skelsplat.run.summary import Group, finite_median, is_biased
 
 if TYPE_CHECKING:
     from skelsplat.run._run import PeopleRun, Run
+    from skelsplat.run.calibrate import Calibrated
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,30 @@ _MEASURED: _Columns = (
     ),
     ("clock [frames]", "offset", lambda one: _measured(one["clock_frames"], one["clock_sigma_frames"])),
 )
+# of a camera as `skelsplat.run.calibrate.Calibrated.cameras` has it
+_OF_CALIBRATED: _Columns = (
+    ("status", "whether it belongs to the rig", lambda one: one["status"].replace("_", " ")),
+    (
+        "error [px]",
+        "median distance of the detections from the joints",
+        lambda one: number(_known(one["error_px"])),
+    ),
+    (
+        "explained",
+        "within four times the noise",
+        lambda one: "–" if one["explained"] is None else percent(one["explained"]),
+    ),
+    (
+        "turn ± [°]",
+        "one standard deviation, with the rig aligned as a whole",
+        lambda one: number(_known(one["degrees_sigma"])),
+    ),
+    ("place ± [mm]", "likewise", lambda one: number(_known(one["mm_sigma"]), 0)),
+)
+_FOCAL: _Columns = (("focal length [px]", "± one standard deviation", lambda one: _barred(one, "focal_px")),)
+_CLOCK: _Columns = (
+    ("clock [frames]", "ahead of the first camera's", lambda one: _barred(one, "clock_frames", "+")),
+)
 _OF_PEOPLE = (
     ("person", ""),
     ("frames", "from the first to the last in which two views see the person"),
@@ -113,6 +138,20 @@ def of_adjusted(report: Mapping[str, Any]) -> Rows:
     columns = [*_OF_ADJUSTED[:-1], *measured, _OF_ADJUSTED[-1]]
     rows = [[one["camera"], *(cell(one) for *_, cell in columns)] for one in adjusted]
     return Rows("Cameras, before and after they were adjusted", _heads("camera", columns), rows)
+
+
+def of_calibrated(found: Calibrated) -> Rows:
+    """Return what was found about each camera."""
+    clocks = any(one["clock_sigma_frames"] for one in found.cameras)
+    columns = [*_OF_CALIBRATED, *(_FOCAL if found.focal else ()), *(_CLOCK if clocks else ())]
+    rows = [[one["camera"], *(cell(one) for *_, cell in columns)] for one in found.cameras]
+    return Rows("Cameras", _heads("camera", columns), rows)
+
+
+def _barred(one: Mapping[str, Any], name: str, sign: str = "") -> str:
+    """Return a camera's number with its error bar; a dash for what was not looked for."""
+    sigma = one[name.replace("_", "_sigma_")]
+    return with_bar(one[name], sigma, sign) if sigma else "–"
 
 
 def _measured(value: float, sigma: float | None, usual: float = 0.0, scale: float = 1.0) -> str:

@@ -311,7 +311,7 @@ impl Task<'_> {
             CameraAdjustment {
                 status,
                 change: Change { shift: change.shift / mm, ..change },
-                bars: Bars { shift: bars.shift / mm, ..bars },
+                bars: Bars { shift: bars.shift / mm, place: bars.place / (mm * mm), ..bars },
                 before: before[i],
                 after: after[i],
             }

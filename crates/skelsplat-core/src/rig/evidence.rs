@@ -1,6 +1,6 @@
 //! How sure a change of a camera is, and whether one fault explains more than another.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{ArrayStorage, DMatrix, DVector, Matrix3};
 
 use super::placed::{Change, Freedom};
 use super::reduced::Judged;
@@ -16,6 +16,8 @@ pub struct Bars {
     pub turn: f64,
     /// mm.
     pub shift: f64,
+    /// Covariance of the shift along the axes of the world, mm².
+    pub place: Matrix3<f64>,
     /// Of the focal length, relative.
     pub zoom: f64,
     /// Frames.
@@ -24,8 +26,13 @@ pub struct Bars {
 
 impl Bars {
     /// Of nothing that was estimated.
-    pub const UNKNOWN: Self =
-        Self { turn: f64::NAN, shift: f64::NAN, zoom: f64::NAN, clock: f64::NAN };
+    pub const UNKNOWN: Self = Self {
+        turn: f64::NAN,
+        shift: f64::NAN,
+        place: Matrix3::from_array_storage(ArrayStorage([[f64::NAN; 3]; 3])),
+        zoom: f64::NAN,
+        clock: f64::NAN,
+    };
 
     /// How far off a camera may be that stays although another place, at this change, fits best:
     /// with the estimate θ̂ ± σ of what is wrong with it, the root mean square of the error is
@@ -35,6 +42,7 @@ impl Bars {
         Self {
             turn: self.turn.hypot(change.turn.norm()),
             shift: self.shift.hypot(change.shift.norm()),
+            place: self.place + change.shift * change.shift.transpose(),
             zoom: self.zoom.hypot(change.zoom.ln()),
             clock: self.clock.hypot(change.clock),
         }
@@ -49,7 +57,14 @@ pub fn bars(covariance: &DMatrix<f64>, unknowns: &[(usize, usize)], view: usize)
         let (n, sum) = places.fold((0, 0.0), |(n, sum), q| (n + 1, sum + covariance[(q, q)]));
         if n > 0 { sum.sqrt() } else { f64::NAN }
     };
-    Bars { turn: of(0..3), shift: of(3..6), zoom: of(6..7), clock: of(7..8) }
+    let at = |k: usize| unknowns.iter().position(|unknown| *unknown == (view, k));
+    let place = match [3, 4, 5].map(at) {
+        [Some(x), Some(y), Some(z)] => {
+            Matrix3::from_fn(|a, b| covariance[([x, y, z][a], [x, y, z][b])])
+        }
+        _ => Bars::UNKNOWN.place,
+    };
+    Bars { turn: of(0..3), shift: of(3..6), place, zoom: of(6..7), clock: of(7..8) }
 }
 
 /// The Wald statistic of a change of what is free in one camera: √(θᵀC⁻¹θ/p), of p parameters and

@@ -34,9 +34,8 @@ from skelsplat.viz.report._scene import (
     person_class,
 )
 
-# One program in several files, in this order; the second are for one person.
+# One program in several files, in this order; some are for single parts of the page.
 _PROGRAMS = ("decode.js", "body.js", "view.js", "charts.js", "heat.js", "panels.js", "player.js")
-_OF_ONE = ("heat.js", "panels.js")
 _ZOOM = "Click to go to a frame, drag to zoom, double-click to zoom out."
 
 
@@ -70,6 +69,44 @@ class TimeLines(ArrayFields):
 
 
 @dataclass(frozen=True)
+class Heat(ArrayFields):
+    """One choice of what a heat map shows."""
+
+    name: str  # for the choice
+    unit: str
+    words: str  # on the cell under the pointer; ``%{z:.1f}`` is its value to one decimal
+    values: Array  # (R, C); NaN where there is none
+    most: float | None = None  # the value in full colour; None: the largest
+
+
+@dataclass(frozen=True)
+class HeatMap:
+    """R rows and C columns of cells, with what they may show, the first of it at first."""
+
+    title: str
+    rows: Sequence[str]
+    columns: Sequence[str]
+    kinds: Sequence[Heat]
+    hint: str = ""
+
+    def packed(self) -> dict[str, Any]:
+        """Return the map for the page."""
+        kinds = [{**vars(kind), "values": as_text(kind.values, "<f4")} for kind in self.kinds]
+        return {"rows": list(self.rows), "columns": list(self.columns), "kinds": kinds}
+
+    def section(self) -> str:
+        """Return its section of the page."""
+        choices = [
+            tag("label", f'<input type="radio" name="heat" value="{k}" {"" if k else "checked"}> {kind.name}')
+            for k, kind in enumerate(self.kinds)
+        ]
+        shown = tag("fieldset", "\n".join(["<legend>Shown</legend>", *choices]))
+        drawn = tag("div", "", id="heat", role="img", aria_label=f"Heat map: {self.title}")
+        body = tag("div", shown, class_="choices") + "\n" + drawn
+        return _html.section("heat-title", escape(self.title), body, self.hint)
+
+
+@dataclass(frozen=True)
 class ReportData(ArrayFields):
     """A whole report; T frames are those of ``sequence``, of several people those of all."""
 
@@ -78,20 +115,27 @@ class ReportData(ArrayFields):
     warnings: Sequence[Sentence]  # of several people on everybody; empty without any
     notes: Sequence[Sentence | str]  # on how to read the numbers and on what was done to the poses
     numbers: Sequence[tuple[str, str, str]]  # (label, text, remark) of the numbers worth a glance
-    problems: Sequence[Problem]  # stretches of frames that have the same problem
+    problems: (
+        Sequence[Problem] | None
+    )  # stretches of frames with the same problem; None: it is not about them
     sequence: Sequence3D
     shapes: CameraShapes
     tables: Sequence[Table]
     lines: Sequence[TimeLines]
-    # of several people: the sentences on each, and (T,) how many cameras see them, −1 if they are not there
+    # of several people: the sentences on each, or none at all, and (T,) how many cameras see them, −1 if they
+    # are not there
     findings: Sequence[Sequence[Sentence]] = ()
     views: Sequence[Index] = ()
-    # of one person: (M, N) by camera and joint the median error in px, and the part of the detections that is
-    # rejected; NaN where a camera has no detection of a joint that is used
-    errors_px: Array | None = None
-    rejected: Array | None = None
+    heat: HeatMap | None = None
+    heading: str = "The sequence in 3D"  # of the 3D view
     # (joint, joint, length, standard error) of the bones of a solution over time, in mm; NaN where unknown
     bones: Sequence[tuple[int, int, float, float]] = ()
+
+    @property
+    def by_person(self) -> list[tuple[int, tuple[str, Sequence[Sentence]]]]:
+        """Place, name and sentences of each of several people; none without sentences on people."""
+        people = self.sequence.people if self.findings else ()
+        return list(enumerate(zip(people, self.findings, strict=True)))
 
 
 def write_report(path: str | os.PathLike[str], data: ReportData) -> Path:
@@ -100,10 +144,11 @@ def write_report(path: str | os.PathLike[str], data: ReportData) -> Path:
     A sequence of more than `_scene.MOST_POSITIONS` is thinned out, and the page says so.
     """
     plotly_js = require("plotly.offline", "report.html", "viz").get_plotlyjs()  # slow, and only needed here
-    sequence, several = data.sequence, bool(data.sequence.people)
-    wanted = [number for first, last, _ in data.problems for number in (first, last)]
+    sequence, problems = data.sequence, data.problems or ()
+    wanted = [number for first, last, _ in problems for number in (first, last)]
     places, every = frames_to_show(sequence.frames, len(sequence.joint_names), wanted)
-    program = "\n".join(_resource(name) for name in _PROGRAMS if not several or name not in _OF_ONE)
+    without = {"heat.js": data.heat is None, "panels.js": not sequence.has_trajectory}
+    program = "\n".join(_resource(name) for name in _PROGRAMS if not without.get(name))
     # JSON that cannot end its element
     content = json.dumps(plain(_content(data, places)), allow_nan=False, separators=(",", ":"))
     for sign in "<>&":
@@ -126,9 +171,9 @@ def write_report(path: str | os.PathLike[str], data: ReportData) -> Path:
         warnings=_warnings(data),
         warnings_kind="loud" if data.warnings or any(data.findings) else "quiet",
         numbers=_html.described(data.numbers),
-        **_player(sequence),
+        **_player(data),
         sections=_sections(data),
-        problems=_html.problem_rows(data.problems),
+        problems=_html.problem_rows(problems),
         notes=_html.bullets(notes),
     )
     atomic_write_text(path, page)
@@ -146,11 +191,10 @@ def _content(data: ReportData, places: Index) -> dict[str, Any]:
         "scene": pack_scene(sequence, data.shapes, places),
         "lines": [line.packed(places) for line in data.lines],
         "bones": None,
-        "problems": [list(row) for row in data.problems],
+        "problems": [list(row) for row in data.problems or ()],
     }
-    if data.errors_px is not None and data.rejected is not None:
-        cells = {"errors": as_text(data.errors_px, "<f4"), "rejected": as_text(data.rejected, "<f4")}
-        content["heat"] = {"cameras": names, "joints": list(sequence.joint_names), **cells}
+    if data.heat is not None:
+        content["heat"] = data.heat.packed()
     if sequence.alone is not None:
         bones = data.bones
         content["bones"] = [{"ends": [a, b], "length_mm": mm, "sigma_mm": sigma} for a, b, mm, sigma in bones]
@@ -178,7 +222,7 @@ def _policy(programs: Sequence[str]) -> str:
 
 def _warnings(data: ReportData) -> str:
     """Return the sentences on everything, and links to those on each person."""
-    named = list(enumerate(zip(data.sequence.people, data.findings, strict=True)))
+    named = data.by_person
     links = [
         f"{tag('a', escape(name), href=f'#on-{place}')} ({len(own)})" for place, (name, own) in named if own
     ]
@@ -186,11 +230,13 @@ def _warnings(data: ReportData) -> str:
     parts = [_html.bullets(data.warnings)] if data.warnings else []
     parts += [tag("p", f"On {', '.join(links)}: see below.")] if links else []
     parts += [tag("p", f"None on {', '.join(quiet)}.")] if quiet else []
-    return "\n".join(parts or [tag("p", "None. Frames with a problem are listed below.")])
+    below = "" if data.problems is None else " Frames with a problem are listed below."
+    return "\n".join(parts or [tag("p", f"None.{below}")])
 
 
-def _player(sequence: Sequence3D) -> dict[str, str]:
-    """Return the choices and the key of the 3D view."""
+def _player(data: ReportData) -> dict[str, str]:
+    """Return the title, the choices and the key of the 3D view."""
+    sequence, sigmas = data.sequence, data.shapes.sigmas
     several = bool(sequence.people)
     follow = '<label><input type="checkbox" id="follow"> follow</label>'
     groups = [tag("span", side, class_=side) for side in _style.SIDES]
@@ -201,7 +247,18 @@ def _player(sequence: Sequence3D) -> dict[str, str]:
         groups = [_named(name, place) for place, name in enumerate(sequence.people)]
     alone = '<label><input type="radio" name="pose" value="alone"> frame by frame</label>'
     hollow = not_ok_in_words(sequence.status[np.isfinite(sequence.refined).all(axis=-1)])
+
+    def only(wanted: bool) -> str:
+        return "" if wanted else "hidden"
+
     return {
+        "heading": data.heading,
+        "refined_only": only(sequence.start is not None),
+        "errors_only": only(bool(np.isfinite(sequence.error_bar).any())),
+        "places_only": only(sigmas is not None),
+        "problems_only": only(data.problems is not None),
+        "places": "checked" if sigmas is not None else "",
+        "sigmas": f"{sigmas or 0:g}",
         "start": escape(sequence.start_name),
         "refined": sequence.refined_name,
         "grey": escape(sequence.grey),
@@ -224,20 +281,20 @@ def _sections(data: ReportData) -> str:
     sequence, parts = data.sequence, [_html.table(one) for one in data.tables if one.rows]
     findings = [
         f"{tag('h3', _named(name, place), id=f'on-{place}')}\n{_html.bullets(sentences)}"
-        for place, (name, sentences) in enumerate(zip(sequence.people, data.findings, strict=True))
+        for place, (name, sentences) in data.by_person
         if sentences
     ]
     if findings:
         title = "Warnings on each person"
         parts.append(_html.section("findings-title", title, "\n".join(findings), kind="findings"))
-    if data.errors_px is not None:
-        parts.append(_html.section("by-both", "Cameras and joints", _HEAT))
-    bars = (
-        f"Bars: in full colour where all {len(data.shapes.names)} cameras see the person, faint where none. "
-    )
-    lines = tag("div", _drawn("lines", "Curves") + '<div id="cursor" hidden></div>', class_="charts")
-    parts.append(_html.section("over-time", "Over time", lines, f"{bars if data.views else ''}{_ZOOM}"))
-    if not sequence.people:
+    if data.heat is not None:
+        parts.append(data.heat.section())
+    if data.lines:
+        bars = f"Bars: in full colour where all {len(data.shapes.names)} cameras see the person, faint "
+        bars += "where none. "
+        lines = tag("div", _drawn("lines", "Curves") + '<div id="cursor" hidden></div>', class_="charts")
+        parts.append(_html.section("over-time", "Over time", lines, f"{bars if data.views else ''}{_ZOOM}"))
+    if sequence.has_trajectory:
         hint = f"Colour: {sequence.refined_name}, with a band of ±2 standard deviations; grey: "
         hint += f"{escape(sequence.grey)}. Click to go to a frame."
         choice = tag("label", 'Joint <select id="trajectory-joint"></select>')
@@ -253,12 +310,3 @@ def _sections(data: ReportData) -> str:
 
 def _drawn(name: str, what: str) -> str:
     return tag("div", "", id=name, role="img", aria_label=f"{what} over the frames")
-
-
-_HEAT = """<div class="choices">
-<fieldset><legend>Shown</legend>
-<label><input type="radio" name="heat" value="errors" checked> median reprojection error</label>
-<label><input type="radio" name="heat" value="rejected"> detections rejected</label>
-</fieldset>
-</div>
-<div id="heat" role="img" aria-label="Heat map of cameras and joints"></div>"""

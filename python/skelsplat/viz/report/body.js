@@ -122,11 +122,11 @@ function ellipsoids(t) {
   return corners;
 }
 
-// The triangles of all ellipsoids: the same in every frame.
-function faces() {
+// The triangles of so many ellipsoids: the same in every frame.
+function faces(count) {
   const found = { i: [], j: [], k: [] };
-  for (let joint = 0; joint < scene.joints.length; joint += 1) {
-    const first = joint * SPHERE.corners.length;
+  for (let one = 0; one < count; one += 1) {
+    const first = one * SPHERE.corners.length;
     for (const [a, b, c] of SPHERE.faces) {
       found.i.push(first + a);
       found.j.push(first + b);

@@ -123,6 +123,7 @@ function wholeRange(frames) {
 
 // Put the mark of the current frame over the curves, by the range that is shown.
 function moveCursor(number) {
+  if (!charts.lines) return;
   const [from, to] = charts.lines.layout?.xaxis?.range ?? [0, 0];
   const width = charts.lines.clientWidth - MARGIN.l - MARGIN.r;
   const part = (number - from) / (to - from);
@@ -131,5 +132,7 @@ function moveCursor(number) {
   charts.cursor.style.height = `${charts.lines.clientHeight - 30}px`;
 }
 
-drawings.push(drawLines);
-clickable.push(charts.lines);
+if (charts.lines) {
+  drawings.push(drawLines);
+  clickable.push(charts.lines);
+}

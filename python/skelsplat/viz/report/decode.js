@@ -16,7 +16,7 @@ function floatsOf(text) {
 const scene = {
   ...report.scene,
   frames: new Float64Array(bytesOf(report.scene.frames)),
-  start: new Int16Array(bytesOf(report.scene.start)),
+  start: report.scene.start && new Int16Array(bytesOf(report.scene.start)),
   refined: new Int16Array(bytesOf(report.scene.refined)),
   alone: report.scene.alone && new Int16Array(bytesOf(report.scene.alone)),
   speeds: report.scene.speed && new Int16Array(bytesOf(report.scene.speed.numbers)),

@@ -129,7 +129,7 @@ function listen() {
   for (const div of clickable) {
     div.on?.("plotly_click", ({ points }) => goTo(placeOf(points[0].x)));
   }
-  charts.lines.on("plotly_relayout", () => moveCursor(scene.frames[view.at]));
+  charts.lines?.on("plotly_relayout", () => moveCursor(scene.frames[view.at]));
   window.addEventListener("hashchange", followAddress);
   window.addEventListener("resize", () => { drawMarks(); moveCursor(scene.frames[view.at]); });
 }
@@ -151,6 +151,7 @@ function listenToChoices() {
     await setShown("cameras", event.target.checked);
     await setShown("names", event.target.checked);
   });
+  get("places").addEventListener("change", (event) => setShown("places", event.target.checked));
   get("path").addEventListener("change", (event) => setShown("path", event.target.checked));
   get("follow").addEventListener("change", ({ target }) => {
     view.follow = target.type === "checkbox" ? target.checked && scene.people[0] : scene.people[target.value];

@@ -3,6 +3,7 @@
 
 const EMPTY = coordinates();
 const MOST_LABELS = 60;
+const WITH_PLACES = scene.cameras.some(({ root }) => root); // it is about the cameras
 const MOST_PATH = 300; // points; every trace is redrawn with every frame
 const CONFIG = {
   displaylogo: false, responsive: true, scrollZoom: true,
@@ -22,7 +23,7 @@ const view = {
 
 // Names of the traces that change, in their order, and of those that stay.
 const MOVING = [...GROUPS.map((_, k) => `limbs ${k}`), "before", "ok", "other", "labels", "ellipsoids"];
-const FIXED = ["floor", "axes", "path", "cameras", "names"];
+const FIXED = ["floor", "axes", "path", "cameras", "names", "places"];
 
 function moving(t) {
   const pose = scene[view.pose === "both" ? "refined" : view.pose];
@@ -57,7 +58,7 @@ function traces(t) {
   });
   drawn.push({ ...line, ...xyz(names), mode: "text", text: names.texts, textfont: { color: names.colours, size: 13 } });
   drawn.push({
-    type: "mesh3d", ...(errors ?? ellipsoids(t)), ...faces(), visible: errors !== null, opacity: 0.35,
+    type: "mesh3d", ...(errors ?? ellipsoids(t)), ...faces(scene.joints.length), visible: errors !== null, opacity: 0.35,
     facecolor: scene.sides.flatMap((side) => SPHERE.faces.map(() => colourOfGroup[side])),
     hoverinfo: "skip", flatshading: false, lighting: { ambient: 0.8, diffuse: 0.4, specular: 0 },
   });
@@ -76,7 +77,7 @@ function surroundings(line) {
   const centres = coordinates();
   const pyramids = coordinates();
   for (const camera of scene.cameras) {
-    push(centres, camera.centre.map((mm) => mm / 1000));
+    push(centres, (poles(camera)[5] ?? camera.centre).map((mm) => mm / 1000)); // names are above ellipsoids
     for (const points of pyramid(camera)) [...points, null].forEach((point) => push(pyramids, point));
   }
   return [
@@ -88,11 +89,32 @@ function surroundings(line) {
     pathsOnFloor(line, ground.height),
     { ...line, ...pyramids, line: { color: colour("camera"), width: 2.5 } },
     {
-      ...line, ...centres, mode: names.length > MOST_LABELS ? "markers" : "markers+text", text: names,
+      ...line, ...centres, mode: names.length > MOST_LABELS ? "markers" : WITH_PLACES ? "text" : "markers+text", text: names,
       hoverinfo: "text", textposition: "top center", textfont: soft,
       marker: { size: 3, color: colour("camera") },
     },
+    {
+      type: "mesh3d", ...placesOfCameras(), ...faces(scene.cameras.length), visible: document.getElementById("places").checked,
+      color: colour("place"), opacity: 0.45, hoverinfo: "skip", flatshading: false, lighting: { ambient: 0.8, diffuse: 0.4, specular: 0 },
+    },
   ];
+}
+
+// The ends of the ellipsoid of a camera's place along each axis, the last above; none without one.
+function poles({ centre, root }) {
+  return (root ?? []).flatMap((row, axis) => [-1, 1].map((sign) => centre.map((mm, k) => (k === axis ? mm + sign * Math.hypot(...row) : mm))));
+}
+
+// The corners of the ellipsoids of all cameras' places; of an unknown one all in one point.
+function placesOfCameras() {
+  const corners = coordinates();
+  for (const { centre, root } of scene.cameras) {
+    for (const corner of SPHERE.corners) {
+      const away = (root ?? []).map((row) => dot(row, corner));
+      push(corners, centre.map((mm, axis) => (mm + (away[axis] ?? 0)) / 1000));
+    }
+  }
+  return corners;
 }
 
 // The lines of a camera's pyramid and a triangle on its upper edge.
@@ -111,7 +133,7 @@ const SPACE = space();
 
 function space() {
   const reach = scene.reach.map((corner) => corner.map((mm) => mm / 1000));
-  const points = scene.cameras.flatMap((camera) => [camera.centre, ...camera.corners]);
+  const points = scene.cameras.flatMap((camera) => [camera.centre, ...camera.corners, ...poles(camera)]);
   const low = [0, 1, 2].map((axis) => Math.min(reach[0][axis], ...points.map((p) => p[axis] / 1000)));
   const high = [0, 1, 2].map((axis) => Math.max(reach[1][axis], ...points.map((p) => p[axis] / 1000)));
   const size = Math.max(...[0, 1, 2].map((axis) => reach[1][axis] - reach[0][axis]));
@@ -147,7 +169,7 @@ function floor() {
   });
   const where = `${(1000 * height).toFixed(0)} mm`;
   document.getElementById("grid-size").textContent =
-    `floor grid: ${cell} m squares at ${scene.axes[2]} = ${where}, the usual height of the lowest joint`;
+    `floor grid: ${cell} m squares at ${scene.axes[2]} = ${where}${scene.floor_known ? "" : ", the usual height of the lowest joint"}`;
   return { lines, axes, texts, height };
 }
 
@@ -192,9 +214,9 @@ const LEAST_DISTANCE = 1.6 * SPACE.scale; // m
 const TOWARDS = unit([-0.62, -0.72, 0.32]);
 const TURNS = [0, 10, -10, 20, -20, 30, -30, 45, -45];
 
-// Of one person their way; of several all cameras, for they stand around the people.
+// Of one person their way; of several, and where it is about the cameras, all of these.
 function firstLook() {
-  if (!scene.people[0].name) return lookAt("person");
+  if (!scene.people[0].name && !WITH_PLACES) return lookAt("person");
   const looks = TURNS.map((degrees) => lookAt("all", turned(TOWARDS, degrees)));
   const covered = looks.map(coveredNames);
   return looks[covered.indexOf(Math.min(...covered))];
@@ -205,7 +227,7 @@ function turned([x, y, z], degrees) {
   return [c * x - s * y, s * x + c * y, z];
 }
 
-// How many pairs of a person's and a camera's name overlap in the first frame.
+// How many names of people, and of cameras with ellipsoids, overlap with another camera in the first frame.
 function coveredNames({ eye, center }) {
   const from = [eye.x, eye.y, eye.z];
   const towards = unit([eye.x - center.x, eye.y - center.y, eye.z - center.z]);
@@ -217,15 +239,19 @@ function coveredNames({ eye, center }) {
   };
   const { x, y, z } = labels(scene.refined, 0);
   const people = x.map((_, k) => inPixels([x[k], y[k], z[k]]));
-  const cameras = scene.cameras.map((camera) => inPixels(camera.centre.map((mm) => mm / 1000)));
-  return people.flatMap((a) => cameras.filter((b) => Math.abs(a[0] - b[0]) < 70 && Math.abs(a[1] - b[1]) < 30)).length;
+  const inMetres = (point) => point.map((mm) => mm / 1000);
+  const cameras = scene.cameras.map(({ centre }) => inPixels(inMetres(centre)));
+  const names = WITH_PLACES ? scene.cameras.map((camera) => inPixels(inMetres(poles(camera)[5] ?? camera.centre))) : [];
+  const near = (a, b) => Math.abs(a[0] - b[0]) < 70 && Math.abs(a[1] - b[1]) < 30;
+  const covered = (a, place) => cameras.filter((b, k) => k !== place && near(a, b));
+  return [...people.flatMap((a) => covered(a)), ...names.flatMap(covered)].length;
 }
 
 // A camera that sees the person's way, or all cameras too, from a little above and as large as the view allows.
 function lookAt(what, towards = TOWARDS) {
   const [low, high] = SPACE.reach;
   const box = [0, 1, 2, 3, 4, 5, 6, 7].map((k) => [0, 1, 2].map((axis) => ((k >> axis) & 1 ? high : low)[axis]));
-  const cameras = scene.cameras.flatMap((camera) => [camera.centre, ...camera.corners]);
+  const cameras = scene.cameras.flatMap((camera) => [camera.centre, ...camera.corners, ...poles(camera)]);
   const others = cameras.map((point) => point.map((mm) => mm / 1000));
   others.push([...FLOOR.from.map((k) => k * FLOOR.cell), FLOOR.height]); // the axes
   return fit((what === "person" ? box : [...box, ...others]).map(inView), towards);
@@ -267,7 +293,7 @@ function liveCamera() {
 
 function followed(t) {
   const camera = liveCamera();
-  const centre = view.follow && (middle(scene.refined, t, view.follow) ?? middle(scene.start, t, view.follow));
+  const centre = view.follow && (middle(scene.refined, t, view.follow) ?? (scene.start && middle(scene.start, t, view.follow)));
   if (!centre) return camera;
   const [x, y, z] = inView(centre);
   const { eye, center } = camera;
