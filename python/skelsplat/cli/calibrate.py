@@ -109,11 +109,11 @@ def calibrate(
     _check_report(report, source, force=force)
     with progress("steps", first="finding the cameras"):
         found = run_calibration(detections, **options.reading(given))
-    rig, sure = found.found.cameras, found.found.sure
+    sure = found.found.sure
     commands = []
     if sure:
         note = f"skelsplat calibrate: from the detections {', '.join(path.name for path in detections)}"
-        write_calibration(output, rig, note=note, adjusted=True)
+        write_calibration(output, found.found.cameras, note=note, adjusted=True)
         words = [[*_again(context, one, several=len(detections) > 1)] for one in found.recordings]
         commands = [shlex.join(["skelsplat", "refine", str(output), *again]) for again in words]
     if report is not None:
@@ -123,13 +123,7 @@ def calibrate(
         "detections": list(map(str, detections)),
         "output": str(output) if sure else None,
         "report": None if report is None else str(report),
-        "unit": rig.unit,
-        "frames": sum(one.frames for one in found.recordings),
-        "scale": {"from": found.scale, "relative_sigma": found.found.scale_sigma},
-        "up_sigma_degrees": found.found.up_sigma,
-        "cameras": found.cameras,
-        "clocks": dict(rig.clocks),
-        "findings": [finding.to_dict() for finding in found.findings],
+        **found.to_dict(),
         "refine": commands,
     }
 
@@ -209,4 +203,5 @@ def _world(found: Calibrated) -> str:
     up = f"z is up, ± {number(found.found.up_sigma)}°"
     if not math.isfinite(found.found.up_sigma):
         up = "z is not up, as the layout lacks ankles, shoulders or a head"
-    return f"Lengths are {lengths[found.scale]}; {up}."
+    joints = f"error bars of joints include ± {number(found.found.cameras.joint_sigma)} mm"
+    return f"Lengths are {lengths[found.scale]}; {up}; {joints}."

@@ -67,6 +67,20 @@ class Calibrated:
         """What was found about each camera, as numbers with units in their names; None where unknown."""
         return tuple(self._numbers(one) for one in self.found.report)
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return what was found as JSON values."""
+        result = self.found
+        return {
+            "unit": result.cameras.unit,
+            "frames": sum(one.frames for one in self.recordings),
+            "scale": {"from": self.scale, "relative_sigma": result.scale_sigma},
+            "up_sigma_degrees": result.up_sigma,
+            "joint_sigma_mm": result.cameras.joint_sigma,
+            "cameras": self.cameras,
+            "clocks": dict(result.cameras.clocks),
+            "findings": [finding.to_dict() for finding in self.findings],
+        }
+
     def in_step(self) -> Iterator[Array]:
         """Yield each person's detections (T, M, N, 3), those of all cameras at one time each."""
         clocks = [one.clock / step_of(self.frames) for one in self.found.report]

@@ -193,8 +193,9 @@ def _note_sigma(path: Path, rig: sk.CameraRig) -> None:
     """Note that error bars contain how sure the cameras are."""
     if rig.joint_sigma:
         millimetres = rig.joint_sigma * rig.mm_per_unit
-        words = f"The cameras of {path.name} were found from people; for it, error bars include "
-        words += f"± {millimetres:.1f} mm."
+        words = (
+            f"The cameras of {path.name} were found from people: error bars include ± {millimetres:.1f} mm."
+        )
         warn(Finding("cameras_estimated", "note", numbers={"mm": millimetres}, sentence=words))
 
 

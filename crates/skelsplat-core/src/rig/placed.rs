@@ -112,8 +112,8 @@ impl Placed {
     /// The residual of a detection of the point `x`; `None` behind the camera.
     ///
     /// With p = R x + t and δp = ω × p − R δc, and A = ∂u/∂x = J R: ∂u/∂ω = −A Rᵀ\[p\]ₓ, ∂u/∂c =
-    /// −A, ∂u/∂(ln f) = u − c₀, and with the ideal point x = p/p₃, ∂u/∂k₁ = f |x|² x. A later clock takes
-    /// the detection from a later frame, ∂r/∂τ = −v.
+    /// −A, ∂u/∂(ln f) = u − c₀, and with the ideal point x = p/p₃, ∂u/∂k₁ = f |x|² x. A later clock
+    /// takes the detection from a later frame, ∂r/∂τ = −v.
     pub fn residual(&self, x: &Vector3<f64>, sight: &Sight) -> Option<Residual> {
         let (pixel, by_point) = self.camera.project_with_jacobian(x)?;
         let (rotation, p) = (self.camera.rotation(), self.camera.to_camera(x));
