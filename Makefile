@@ -19,6 +19,8 @@ DEV := all,dev
 # uv leaves libraries uncompiled; these are read in a process whose seconds count (io/_guarded_child.py).
 TIMED := ezc3d h5netcdf h5py pandas scipy/io tables xarray
 COMPILE := $(BIN)/python -m compileall -q -x /tests/ $(TIMED:%=$(VENV)/lib/python3*/site-packages/%)
+# What a process has compiled the next one reads, also where the environment says otherwise, as images of containers do.
+unexport PYTHONDONTWRITEBYTECODE
 
 # As many as there are cores; more than a few gain nothing.
 PYTEST = $(BIN)/python -m pytest --numprocesses auto --maxprocesses 8 --dist worksteal $(MARKS)

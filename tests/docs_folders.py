@@ -100,9 +100,9 @@ def _openpose(folder: Path) -> None:
 
 def _several_people(folder: Path) -> None:
     paths = sample.extract(folder, people=True)
-    shutil.copytree(paths.detections, folder / "pose")
+    shutil.copytree(paths.detections, folder / "pose", ignore=lambda _, names: sorted(names)[FRAMES:])
     rig = synthetic.ring(4, radius_mm=4500.0)
-    scene = synthetic.simulate_scene(2, rig, n_frames=50, fps=50.0, seed=3, layout="coco17")
+    scene = synthetic.simulate_scene(2, rig, n_frames=FRAMES, fps=50.0, seed=3, layout="coco17")
     write_calibration(folder / "rig.toml", rig)
     (folder / "alphapose").mkdir()
     joints = list(sk.layouts.get("coco17").joints)
