@@ -138,7 +138,7 @@ def _numbers(found: Calibrated) -> Iterator[tuple[str, str, str]]:
     yield (
         "joints ±",
         f"{length(result.cameras.joint_sigma)} mm",
-        "by the cameras: part of the error bars of poses",
+        "by the cameras, in error bars of poses",
     )
     yield "lengths ±", f"{number(100 * result.scale_sigma)}%", _SCALES[found.scale]
     known = np.isfinite(result.up_sigma)
