@@ -189,7 +189,7 @@ def test_check_cameras_leaves_out_a_camera_that_was_not_recorded(recording):
     folder, _, _ = recording
     shutil.rmtree(folder / "openpose" / OUT)
     check = ["check-cameras", folder / "Calib.toml", folder / "openpose", "--layout", "h36m17"]
-    assert_fails(invoke(*check), 1, f"none for {OUT}", "without=")
+    assert_fails(invoke(*check), 1, f"none for {OUT}", "--without")
     result = invoke(*check, "--without", "cam_03", "--json")
     assert result.exit_code == 0, result.output
     assert [row["name"] for row in json.loads(result.stdout)["cameras"]] == list(KEPT)

@@ -94,7 +94,8 @@ def _describe(error: Exception) -> str:
     """Return one line that names the file, for the errors of the package and of the operating system."""
     if isinstance(error, OSError) and not isinstance(error, sk.SkelSplatError) and error.filename is not None:
         return f"{error.filename}: {(error.strerror or 'cannot be used').lower()}"
-    return str(error)
+    # arguments within a sentence, as options
+    return re.sub(r'\b(order|without)=(?:"(\w+)")?', r"--\1 \2", str(error)).replace("  ", " ")
 
 
 def _usage(error: Any) -> str:

@@ -117,7 +117,8 @@ def calibrate(
         words = [[*_again(context, one, several=len(detections) > 1)] for one in found.recordings]
         commands = [shlex.join(["skelsplat", "refine", str(output), *again]) for again in words]
     if report is not None:
-        made = [("calibration", str(output) if sure else "not written"), ("command", _typed())]
+        typed = shlex.join(["skelsplat", *sys.argv[1:]])
+        made = [("calibration", str(output) if sure else "not written"), ("command", typed)]
         found.write_html(report, [*made, *(("next", one) for one in commands)])
     document = {
         "detections": list(map(str, detections)),
@@ -142,11 +143,6 @@ def _check_report(report: Path | None, source: Path, *, force: bool) -> None:
         options.check_output("--report", report, source, "page", (".html",), force=force)
         for package in DRAWING:
             check_installed(package, "--report", "viz")
-
-
-def _typed() -> str:
-    """Return the command."""
-    return shlex.join(["skelsplat", *sys.argv[1:]])
 
 
 def _again(context: typer.Context, recorded: Recorded, *, several: bool) -> Iterator[str]:

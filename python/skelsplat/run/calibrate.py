@@ -437,6 +437,8 @@ def _findings(found: sk.RigCalibration, clock: bool) -> Iterator[Finding]:
         placed = [one for one in found.report if one.status == "placed"]
         turn, place = (max(getattr(one, name) for one in placed) for name in ("turn_sigma", "place_sigma"))
         off = [f"{one.name} {100 * (one.zoom - 1):+.0f} %" for one in placed if one.zoom != 1.0]
+        unknown = np.isfinite([one.focal_sigma for one in placed]).any()
+        lenses = "; known lenses help, or that all cameras have the same" if unknown else ""
         bars = f"one may be off by {with_bar(turn, None)}° or {place:,.0f} mm"
         why = {
             "clocks": "the cameras are out of step. Find their clocks as well",
@@ -445,7 +447,7 @@ def _findings(found: sk.RigCalibration, clock: bool) -> Iterator[Finding]:
             "cameras": f"too few cameras agree. Do all of them see the same person at the same time? {_FILM}",
             "lenses": f"their focal lengths seem to be off ({', '.join(off)}). Are the lenses those of these "
             "cameras, at this zoom and image size? Without them, focal lengths are found",
-            "places": f"{bars}. {_FILM}",
+            "places": f"{bars}. {_FILM}{lenses}",
         }
         words = f"This recording does not tell where the cameras are: {why[found.doubts[0]]}."
         remedy = () if clock or found.doubts[0] in ("movement", "lenses") else (Remedy("clock", True),)
