@@ -3,6 +3,7 @@
     python benchmarks/calibrate.py [--views 4] [--cases known --cases "known, useless"] [--takes 20]
     python benchmarks/calibrate.py --each --seed 40        every take by itself
     python benchmarks/calibrate.py --real FOLDER [--subjects S1]      Human3.6M, of tools/h36m_hourglass.py
+    python benchmarks/calibrate.py --cases known --peers OpenCV --peers Aniposelib      others, known lenses
 
 Simulated: ten seconds (with clocks: twenty, started up to ten apart) at 30 Hz of CMU takes of one subject,
 each begun where the one before ended (without the data: the package's synthetic motions), and detections with
@@ -25,6 +26,8 @@ Real: 20 s at 25 Hz. given, found: mm, joints of arms and legs over time, every 
 
 from __future__ import annotations
 
+import contextlib
+import io
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -34,6 +37,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+import cv2
 import lab
 import numpy as np
 import recordings
@@ -45,6 +49,7 @@ from scenarios import FloatArray
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat._clocks import shifted
+from skelsplat._start import from_line, rays_of, relative
 from skelsplat._who import one_after_another
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.exceptions import DegenerateGeometryError
@@ -202,6 +207,56 @@ def aligned(points: FloatArray, truth: FloatArray) -> tuple[FloatArray, float]:
     return scale * (points - a.mean(axis=0)) @ Q.T + b.mean(axis=0) - truth, scale
 
 
+def apart(found: Sequence[sk.Camera], true: Sequence[sk.Camera]) -> tuple[Any, ...]:
+    """Return the turns between two aligned rigs and of z, degrees, distances, mm, and the scale."""
+    R, S = (np.stack([np.asarray(camera.R) for camera in rig]) for rig in (found, true))
+    a, b = (np.stack([np.asarray(camera.centre) for camera in rig]) for rig in (found, true))
+    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+    Q, scale = similarity(a, b, (b**2).sum() / len(b) * np.einsum("vji,vjk->ik", S, R))
+    cosines = [*((np.einsum("vij,vij->v", S, R @ Q.T) - 1) / 2), Q[2, 2]]
+    turns = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
+    return *turns, np.linalg.norm(scale * a @ Q.T - b, axis=1), scale
+
+
+def by_opencv(one: Recording) -> list[sk.Camera]:
+    """Place cameras with known lenses as a script does: a pair by MAGSAC, the others by their joints."""
+    rays = rays_of(one.detections, one.true)
+    found = relative(rays[:, 0], rays[:, 1], 0, from_line(*one.true[:2]), (len(rays) * rays.shape[2], 1000))
+    assert found is not None
+    placed = [altered(one.true[0], R=np.eye(3), t=np.zeros(3)), altered(one.true[1], R=found[0], t=found[1])]
+    points = sk.triangulate(one.detections[:, :2, :, :2], placed).reshape(-1, 3)
+    for i, camera in enumerate(one.true[2:], start=2):
+        own = rays[:, i].reshape(-1, 2)
+        known = np.isfinite(points).all(axis=1) & np.isfinite(own).all(axis=1)
+        size = max(camera.size) / camera.K[0, 0]
+        _, turn, t, _ = cv2.solvePnPRansac(
+            points[known], own[known], np.eye(3), None, reprojectionError=0.02 * size
+        )
+        placed.append(altered(camera, R=cv2.Rodrigues(turn)[0], t=t.ravel()))
+    return placed
+
+
+def by_aniposelib(one: Recording) -> list[sk.Camera]:
+    """Adjust the cameras of `by_opencv` with Aniposelib, its settings at their defaults."""
+    from aniposelib.cameras import Camera, CameraGroup
+
+    start = by_opencv(one)
+    size = float(np.linalg.norm(start[1].centre)) / 1000.0  # Anipose expects mm
+    every = [
+        Camera(matrix=c.K, rvec=cv2.Rodrigues(c.R)[0].ravel(), tvec=c.t / size, size=c.size) for c in start
+    ]
+    group, pixels = CameraGroup(every), np.moveaxis(one.detections[..., :2], 1, 0)
+    with contextlib.redirect_stdout(io.StringIO()):
+        group.bundle_adjust_iter(pixels.reshape(len(every), -1, 2).copy(), only_extrinsics=True)
+    return [
+        altered(c, R=cv2.Rodrigues(a.get_rotation())[0], t=a.get_translation())
+        for c, a in zip(start, group.cameras, strict=True)
+    ]
+
+
+PEERS = {"OpenCV": by_opencv, "Aniposelib": by_aniposelib}
+
+
 def judged(one: Recording, found: sk.RigCalibration) -> dict[str, Any]:
     """Compare a calibration with the truth; the useless camera does not count."""
     there = [i for i, camera in enumerate(found.report) if camera.status == "placed"]
@@ -209,16 +264,11 @@ def judged(one: Recording, found: sk.RigCalibration) -> dict[str, Any]:
     out = set(range(len(one.true))) - set(there)
     if len(own) < 2:
         return {"right": False, "refused": not found.sure, "wrong": found.sure, "world": False}
-    R, S = (np.stack([np.asarray(rig[i].R) for i in own]) for rig in (own, one.true))
-    a, b = (np.stack([np.asarray(rig[i].centre) for i in own]) for rig in (own, one.true))
-    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
-    Q, scale = similarity(a, b, (b**2).sum() / len(b) * np.einsum("vji,vjk->ik", S, R))
-    cosines = [*((np.einsum("vij,vij->v", S, R @ Q.T) - 1) / 2), Q[2, 2]]
-    *turns, tilt = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
+    *turns, tilt, places, scale = apart(list(own.values()), [one.true[i] for i in own])
     report = [found.report[i] for i in own]
     zooms = [own[i].K[0, 0] / one.true[i].K[0, 0] - 1 for i in own]
     clocks = [found.report[i].clock - one.late[i] + one.late[there[0]] for i in own]
-    errors = np.abs([turns, np.linalg.norm(scale * a @ Q.T - b, axis=1), zooms, clocks])
+    errors = np.abs([turns, places, zooms, clocks])
     bars = [[c.turn_sigma, scale * c.place_sigma, c.focal_sigma, c.clock_sigma] for c in report]
     near = (errors.T - 3 * np.nan_to_num(bars) <= 1e-6).all(axis=1)
     off = abs(1 / scale - 1)
@@ -261,8 +311,8 @@ def with_oracle(one: Recording, row: dict[str, Any], found: sk.RigCalibration) -
     return {"as good": all(near), "oracle right": true["right"], **{f"oracle {h}": true[h] for h in heads}}
 
 
-def measured(one: Recording, case: str) -> dict[str, Any]:
-    """Calibrate and judge; of a real take also its poses."""
+def measured(one: Recording, case: str, peers: Sequence[str] = ()) -> dict[str, Any]:
+    """Calibrate and judge; of a real take also its poses. Peers take known lenses, and cameras in step."""
     lenses = one.true if case.startswith("known") else [sk.Intrinsics(c.size, name=c.name) for c in one.true]
     what = {"clock": "clocks" in case, "same_focal": case.startswith("same"), "config": ONE_THREAD}
     begun = time.process_time()
@@ -275,6 +325,12 @@ def measured(one: Recording, case: str) -> dict[str, Any]:
     if one.oracle is not None:
         known = sk.calibrate_cameras(one.oracle, lenses, layout=one.layout, fps=one.fps, **what)
         row |= with_oracle(one, row, known)
+    for name in peers:
+        begun = time.process_time()
+        placed = PEERS[name](one)
+        spent = time.process_time() - begun
+        *turns, _, places, _ = apart(placed, one.true)
+        row |= {f"{name} °": max(turns), f"{name} mm": places.max(), f"{name} s": spent}
     if one.layout is BODY:
         first = next(i for i, camera in enumerate(found.report) if camera.status == "placed")
         views = [shifted(one.detections[:, i], late) for i, late in enumerate(one.late)]
@@ -290,6 +346,7 @@ def table(
     takes: Sequence[Any],
     recorded: Callable[[Any, str], Recording],
     each: bool,
+    peers: Sequence[str] = (),
 ) -> Table:
     """Measure the takes of every case: those in which the person moves and the others, or each."""
     found: dict[str, list[dict[str, Any]]] = {}
@@ -297,7 +354,7 @@ def table(
         one = recorded(take, case)
         group = f"{case}: {'moves' if one.moves else 'other'}"
         own = f"{group}, {one.name}" if each else group
-        found.setdefault(own, []).append(measured(one, case))
+        found.setdefault(own, []).append(measured(one, case, peers))
     rows: dict[str, dict[str, str | float]] = {}
     for name, every in found.items():
         rows[name] = {"takes": str(len(every))}
@@ -320,13 +377,14 @@ def calibrate(
     each: bool = False,
     real: Path | None = None,
     subjects: tuple[str, ...] = ("S1", "S5", "S6", "S7", "S8"),
+    peers: tuple[str, ...] = (),
 ) -> Iterator[Table]:
     """Measure simulated recordings, or the real ones of a folder."""
     warnings.simplefilter("ignore")
     if real is not None:
         paths = sorted(path for path in real.glob("*.npz") if path.stem.split("_")[0] in subjects)
         title = f"{len(paths)} real takes, Human3.6M, {', '.join(subjects)}"
-        yield table(title, cases or REAL_CASES, paths, filmed, each)
+        yield table(title, cases or REAL_CASES, paths, filmed, each, peers)
         return
     for n in views:
         # Two views tell no focal lengths, and three not which of them is useless.
@@ -334,7 +392,7 @@ def calibrate(
             case for case in cases or CASES if n >= (4 if "useless" in case else 2 if "known" in case else 3)
         ]
         seeds, title = range(seed, seed + takes), f"{n} views, {takes} takes, simulated"
-        yield table(title, fit, seeds, partial(simulated, n), each)
+        yield table(title, fit, seeds, partial(simulated, n), each, peers)
 
 
 if __name__ == "__main__":
