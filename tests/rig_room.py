@@ -14,7 +14,10 @@ LATE = 12  # frames that the numbers of cam2 are too high
 
 
 def write_room(top):
-    """Write a walk of 5 s; in ``late`` cam2 is late and cam3 ends early, in ``other`` cam4 sees another."""
+    """Write a walk of 5 s; in ``late`` cam2 is late and cam3 ends early, in ``other`` cam4 sees another.
+
+    In ``mixed`` it does in every fourth frame.
+    """
     pace = np.cumsum(np.rint(4 + 3 * np.sin(np.cumsum(np.linspace(0.1, 0.3, 140))))).astype(int)
     seen = [
         synthetic.simulate_detections(
@@ -26,12 +29,14 @@ def write_room(top):
         for seed in (1, 7)
     ]
     write_calibration(top / "lenses.toml", RIG)
-    late, other = seen[0].copy(), seen[0].copy()
+    late, other, mixed = (seen[0].copy() for _ in range(3))
     late[LATE:, 1] = seen[0][:-LATE, 1]
     other[:, 3] = seen[1][:, 1]
+    mixed[::4, 3] = other[::4, 3]
     rng = np.random.default_rng(0)
     still = seen[0][:1] + rng.normal(0, 8, seen[0][:1].shape) + rng.normal(0, 0.3, seen[0].shape)
     recordings = {"pose": seen[0], "late": late[LATE:], "other": other, "still": still, "short": late[:3]}
+    recordings["mixed"] = mixed
     for name, detections in recordings.items():
         files.openpose_folders(top / name, RIG, detections)
     files.openpose_folders(top / "nobody", RIG, np.full((70, 4, 17, 2), np.nan))

@@ -92,14 +92,19 @@ def upright(floor: Floor, viewer: Array) -> Array:
 
 def movement(points: Array) -> float:
     """Return how far joints (T, N, 3) move, over the size of the body: both root mean squares."""
+    return _spread(points, 0) / body_size(points) if np.isfinite(points).any() else 0.0
+
+
+def body_size(points: Array) -> float:
+    """Return the root-mean-square distance of joints (T, N, 3) from their middle in a frame."""
+    return _spread(points, 1)
+
+
+def _spread(points: Array, axis: int) -> float:
     known: Mask = np.asarray(np.isfinite(points).all(axis=2, keepdims=True))
-
-    def spread(axis: int) -> float:
-        count = np.maximum(known.sum(axis=axis, keepdims=True), 1)
-        mean = np.where(known, points, 0.0).sum(axis=axis, keepdims=True) / count
-        return float(((points - mean) ** 2)[known[..., 0]].sum(axis=-1).mean())
-
-    return float(np.sqrt(spread(0) / spread(1))) if known.any() else 0.0
+    count = np.maximum(known.sum(axis=axis, keepdims=True), 1)
+    mean = np.where(known, points, 0.0).sum(axis=axis, keepdims=True) / count
+    return float(np.sqrt(((points - mean) ** 2)[known[..., 0]].sum(axis=-1).mean()))
 
 
 def mean_size(points: Array, layout: Layout) -> float:

@@ -148,7 +148,7 @@ def test_clocks_are_written_and_the_commands_that_read_them_apply_them(room, tmp
 def test_other_faults_come_first(room, tmp_path):
     out = tmp_path / "fixed.toml"
     result = invoke("adjust-cameras", room / "Calib.toml", room / "exchanged", "-o", out, *LAYOUT)
-    assert_fails(result, 1, "exchanged: cameras: expected", f"order={ORDER}")
+    assert_fails(result, 1, "exchanged: cameras: expected", f"--order {ORDER}")
     files.openpose_folders(tmp_path / "empty", RIG, np.full((5, 4, 17, 2), np.nan))
     result = invoke("adjust-cameras", room / "Calib.toml", tmp_path / "empty", "-o", out, *LAYOUT)
     assert_fails(result, 1, "empty: detections: expected")

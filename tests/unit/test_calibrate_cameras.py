@@ -9,7 +9,7 @@ import pytest
 
 import skelsplat as sk
 from skelsplat import synthetic
-from skelsplat.cameras import altered
+from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.exceptions import DegenerateGeometryError, InvalidInputError
 from skelsplat.synthetic import DetectionNoise
 
@@ -169,6 +169,21 @@ def test_lenses_of_other_images_are_doubted() -> None:
     assert found.doubts == ("lenses",)
     assert [one.zoom for one in found.report] == pytest.approx([1.25] * 4, rel=0.05)
     assert [one.zoom for one in known().report] == [1.0] * 4
+    zooms = (1.0, 1.0, 1.0, 1.5)
+    other = [
+        altered(one, K=np.diag([z, z, 1.0]) @ np.asarray(one.K)) for one, z in zip(RIG, zooms, strict=True)
+    ]
+    poses, noise = roaming((20 + np.arange(FRAMES)) / FPS), DetectionNoise.recording(frame_rate=FPS)
+    unlike = synthetic.simulate_detections(poses, other, noise=noise, layout=LAYOUT, seed=3)
+    assert "lenses" in sk.calibrate_cameras(unlike, BLANK, layout=LAYOUT, same_focal=True).doubts
+
+
+def test_two_cameras_in_one_place_are_doubted() -> None:
+    turned = matrix_from_vector(np.array([0.0, 0.1, 0.02])) @ np.asarray(RIG[0].R)
+    pair = [RIG[0], altered(RIG[0], R=turned, t=-turned @ np.asarray(RIG[0].centre), name="beside")]
+    noise, poses = DetectionNoise.recording(frame_rate=FPS), roaming((20 + np.arange(FRAMES)) / FPS)
+    both = synthetic.simulate_detections(poses, pair, noise=noise, layout=LAYOUT, seed=3)
+    assert not sk.calibrate_cameras(both, pair, layout=LAYOUT).sure
 
 
 def test_joints_are_off_by_what_is_said_of_them() -> None:
@@ -300,6 +315,7 @@ MIXED = [*list(RIG)[:3], BLANK[3]]
         ("distance", {"distance": ("nobody", 0, 2.0)}),
         ("distance", {"distance": (0, 1, 0.0)}),
         ("distance", {"distance": (1, 1, 2.0)}),
+        ("distance", {"distance": (0, 1, 7500.0)}),
     ],
 )
 def test_a_wrong_argument_is_named(argument: str, wrong: dict[str, object]) -> None:

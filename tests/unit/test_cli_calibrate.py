@@ -123,6 +123,15 @@ def test_a_useless_camera_is_left_out(room, tmp_path):
     assert error_after(command, tmp_path / "out") < 4
 
 
+def test_a_camera_that_agrees_only_at_times_is_named(room, tmp_path):
+    options = [*LAYOUT, "--intrinsics", room / "lenses.toml", "--json"]
+    for recording, named in (("pose", []), ("mixed", [["cam4"]])):
+        result = invoke("calibrate", room / recording, "-o", tmp_path / f"{recording}.toml", *options)
+        assert result.exit_code == 0, result.output
+        found = [one for one in json.loads(result.stdout)["findings"] if one["kind"] == "camera_disagrees"]
+        assert [one["subject"]["cameras"] for one in found] == named
+
+
 def test_focal_lengths_and_sizes_from_what_the_folder_knows(room, tmp_path):
     pose = tmp_path / "pose"
     (room / "pose").rename(pose)

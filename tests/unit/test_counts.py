@@ -9,14 +9,14 @@ import counts
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 34_468,
-    "cli": 3_408,
-    "core": 18_959,
-    "binding": 2_703,
-    "Rust tests": 6_168,
-    "Python tests": 26_554,
-    "benchmarks and tools": 4_315,
-    "docs, words": 41_870,
+    "package": 34_573,
+    "cli": 3_400,
+    "core": 19_132,
+    "binding": 2_712,
+    "Rust tests": 6_213,
+    "Python tests": 26_631,
+    "benchmarks and tools": 4_389,
+    "docs, words": 42_000,
     "README, words": 1_330,
 }
 

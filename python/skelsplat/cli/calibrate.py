@@ -163,9 +163,7 @@ def _again(context: typer.Context, recorded: Recorded, *, several: bool) -> Iter
         yield from ("--offset", f"{camera}={frames}")
 
 
-def _print(
-    found: Calibrated, output: Path, report: Path | None, commands: list[str], console: Console
-) -> None:
+def _print(found: Calibrated, output: Path, report: Path | None, again: list[str], console: Console) -> None:
     shown = of_calibrated(found)
     heads = [head.replace(" [", "\n[") for head, _ in shown.columns]
     table = new_table(shown.title, heads[0], heads[1:])
@@ -178,13 +176,13 @@ def _print(
         print_finding(console, finding)
     if report is not None:
         say(f"Wrote {report}.")
-    if not commands:
+    if not again:
         say(f"{output} was not written.")
         return
     print_text(console, _world(found))
-    what = "recordings" if len(commands) > 1 else "recording"
+    what = "recordings" if len(again) > 1 else "recording"
     say(f"Wrote {len(found.found.cameras)} cameras to {output}, lengths in mm. To refine the {what}:")
-    for command in commands:
+    for command in again:
         say(f"  {command}")  # on one line, to be pasted
 
 

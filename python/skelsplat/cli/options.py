@@ -248,6 +248,8 @@ def check_output(
     field = option.removeprefix("--")
     if output.resolve() == source.resolve():
         raise DatasetError(output, field, "another file than the input", "the same")
+    if not output.absolute().parent.is_dir():
+        raise DatasetError(output, field, "a file in a folder that exists", "no such folder")
     if output.exists() and not force:
         raise DatasetError(output, field, "no file of this name (--force replaces it)", "one that exists")
 

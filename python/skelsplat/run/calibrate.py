@@ -16,7 +16,7 @@ from skelsplat._arrays import Array, Index, take_people
 from skelsplat._clocks import shifted
 from skelsplat._frozen import frozen, frozen_finding
 from skelsplat._who import one_after_another
-from skelsplat._words import with_bar
+from skelsplat._words import percent, with_bar
 from skelsplat.exceptions import DatasetError, DegenerateGeometryError, InvalidInputError
 from skelsplat.findings import Finding, Remedy, Subject, collected_warnings, warn
 from skelsplat.io.detections import Opened as Detections
@@ -31,6 +31,8 @@ from skelsplat.run.read import open_recording, rate_of, read_rig, videos_beside
 from skelsplat.run.session import different, padded
 from skelsplat.run.solve import evened, step_of
 
+# A camera disagrees if less than this share of what the others explain is explained of it.
+_AGREES = 0.85
 _FILM = (
     "Film a person who walks about for ten seconds: two metres or more, turning once, and raising the arms"
 )
@@ -433,11 +435,23 @@ def _findings(found: sk.RigCalibration, clock: bool) -> Iterator[Finding]:
             known = {name: float(value) if np.isfinite(value) else None for name, value in numbers.items()}
             remedy = () if clock else (Remedy("clock", True),)
             yield Finding("camera_left_out", "warning", Subject((one.name,)), known, remedy, sentence=words)
+        elif found.sure and one.explained < _AGREES * np.nanmedian(
+            [other.explained for other in found.report]
+        ):
+            words = (
+                f"{one.name} agrees with the others in only {percent(one.explained)} of its detections. Was "
+            )
+            words += "it moved while it recorded, is its image mirrored, or does it see somebody else?"
+            numbers, remedy = {"explained": one.explained}, (Remedy("without", one.name),)
+            yield Finding(
+                "camera_disagrees", "warning", Subject((one.name,)), numbers, remedy, sentence=words
+            )
     if not found.sure:
         placed = [one for one in found.report if one.status == "placed"]
         turn, place = (max(getattr(one, name) for one in placed) for name in ("turn_sigma", "place_sigma"))
         off = [f"{one.name} {100 * (one.zoom - 1):+.0f} %" for one in placed if one.zoom != 1.0]
         unknown = np.isfinite([one.focal_sigma for one in placed]).any()
+        stated = "the same for all" if unknown else "those given"
         lenses = "; known lenses help, or that all cameras have the same" if unknown else ""
         bars = f"one may be off by {with_bar(turn, None)}° or {place:,.0f} mm"
         why = {
@@ -445,8 +459,8 @@ def _findings(found: sk.RigCalibration, clock: bool) -> Iterator[Finding]:
             "periodic": f"several clocks fit, because the motion repeats itself. {_FILM}, or clap once",
             "movement": f"the person hardly moves. {_FILM}",
             "cameras": f"too few cameras agree. Do all of them see the same person at the same time? {_FILM}",
-            "lenses": f"their focal lengths seem to be off ({', '.join(off)}). Are the lenses those of these "
-            "cameras, at this zoom and image size? Without them, focal lengths are found",
+            "lenses": f"other focal lengths fit than {stated} ({', '.join(off)}). Are the lenses those of "
+            "these cameras, at this zoom and image size? Otherwise, focal lengths are found",
             "places": f"{bars}. {_FILM}{lenses}",
         }
         words = f"This recording does not tell where the cameras are: {why[found.doubts[0]]}."

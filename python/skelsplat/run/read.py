@@ -141,7 +141,9 @@ def open_files(job: Job) -> Opened:
     given = ("without", "fps", "layout", "format", "frames", "offsets", "order", "mapping", "sequence")
     read = {name: getattr(job, name) for name in reading}
     options = {name: getattr(job, name) for name in given}
-    return open_recording(Path(job.calibration), Path(job.detections), read=read, **options)
+    opened = open_recording(Path(job.calibration), Path(job.detections), read=read, **options)
+    _note_sigma(Path(job.calibration), opened.every)
+    return opened
 
 
 def open_recording(
@@ -170,7 +172,6 @@ def open_recording(
         raise DatasetError(calibration, "cameras", "at least two cameras", len(every))
     found = open_detections(detections, every, without=without, **given)
     _note_clocks(calibration, every, given.get("offsets") or {})
-    _note_sigma(calibration, every)
     every = replace(every, clocks={})
     rig = leave_out(every, without)
     cropped = {name for one in told if one.kind == "crop_applied" for name in one.subject.cameras}
@@ -184,8 +185,10 @@ def _note_clocks(path: Path, rig: sk.CameraRig, given: Collection[str]) -> None:
     taken = {name: rounded(clock) for name, clock in rig.clocks.items() if name not in named}
     if taken:
         each = ", ".join(f"{name} {clock:+g}" for name, clock in taken.items())
-        words = f"The clocks of {path.name} were taken off the cameras' frame numbers ({each}). They hold "
-        words += "for recordings that started as that which they were found in; given offsets replace them."
+        words = (
+            f"The clocks of {path.name} were applied to the cameras' frame numbers ({each}). They hold for "
+        )
+        words += "recordings whose cameras were started together with those; given offsets replace them."
         warn(Finding("clocks_applied", "note", Subject(tuple(taken)), taken, sentence=words))
 
 

@@ -69,7 +69,8 @@ pub struct CalibratedCamera {
     pub distance: f64,
     /// The part of them that this explains.
     pub explained: f64,
-    /// By which factor its focal length seems to be wrong though given; 1 if it may be right.
+    /// By which factor its focal length seems to be wrong, if it was given or is that of all; 1 if
+    /// it may be right.
     pub zoom: f64,
 }
 
@@ -211,13 +212,15 @@ impl Task<'_> {
         rig.cameras.iter().zip(&sureness.bars()).any(|(camera, bars)| shown(camera, bars))
     }
 
-    /// By which factors given focal lengths differ from free ones: all together, or each.
+    /// By which factors focal lengths that are given, or the same, differ from free ones, which two
+    /// views do not tell: all together, or each.
     fn zooms(&self, views: &[usize], rig: &Explanation, progress: &Progress) -> Result<Vec<f64>> {
         let mut zooms = vec![1.0; views.len()];
-        if self.unknown.focal {
+        let Unknown { focal, same_focal, .. } = self.unknown;
+        if focal && !same_focal || views.len() < 3 {
             return Ok(zooms);
         }
-        for same_focal in [true, false] {
+        for same_focal in [true, false].into_iter().filter(|same| !focal || !same) {
             let unknown = Unknown { focal: true, same_focal, ..self.unknown };
             let task = Self { unknown, distorted: false, ..*self };
             let free = task.adjusted(views, rig.cameras.clone(), FEW, 1.0, progress)?;

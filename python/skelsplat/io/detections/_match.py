@@ -86,7 +86,7 @@ def match_by_name(
     """
     kind, texts = candidates.kind, candidates.texts
     if not candidates.named:
-        expected = 'the order of its views (order=: "sorted", or the place of each camera)'
+        expected = 'the order of its views (order="sorted", or the place of each camera)'
         actual = f"none; it has no names, only views {', '.join(texts)}"
         raise DatasetError(candidates.root, "cameras", expected, actual)
     if not texts:
