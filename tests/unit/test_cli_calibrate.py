@@ -126,7 +126,9 @@ def test_a_useless_camera_is_left_out(room, tmp_path):
 def test_a_camera_that_agrees_only_at_times_is_named(room, tmp_path):
     options = [*LAYOUT, "--intrinsics", room / "lenses.toml", "--json"]
     for recording, named in (("pose", []), ("mixed", [["cam4"]])):
-        result = invoke("calibrate", room / recording, "-o", tmp_path / f"{recording}.toml", *options)
+        config = tmp_path / "config.toml"
+        config.write_text(f"detections = ['{room / recording}']\n")
+        result = invoke("calibrate", "--config", config, "-o", tmp_path / f"{recording}.toml", *options)
         assert result.exit_code == 0, result.output
         found = [one for one in json.loads(result.stdout)["findings"] if one["kind"] == "camera_disagrees"]
         assert [one["subject"]["cameras"] for one in found] == named

@@ -196,6 +196,6 @@ def _world(found: Calibrated) -> str:
     }
     up = f"z is up, ± {number(found.found.up_sigma)}°"
     if not math.isfinite(found.found.up_sigma):
-        up = "z is not up, as the layout lacks ankles, shoulders or a head"
+        up = "z is not up: nobody stands, or the layout lacks ankles, shoulders or a head"
     joints = f"error bars of joints include ± {number(found.found.cameras.joint_sigma)} mm"
     return f"Lengths are {lengths[found.scale]}; {up}; {joints}."

@@ -145,7 +145,7 @@ def _numbers(found: Calibrated) -> Iterator[tuple[str, str, str]]:
     up = (
         "standard error of the vertical, z"
         if known
-        else "the layout lacks ankles, shoulders or a head: z is not up"
+        else "nobody stands, or the layout lacks ankles, shoulders or a head: z is not up"
     )
     yield "up ±", f"{number(result.up_sigma)}°" if known else "–", up
 
