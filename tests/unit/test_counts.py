@@ -9,7 +9,7 @@ import counts
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 34_571,
+    "package": 34_572,
     "cli": 3_400,
     "core": 19_132,
     "binding": 2_712,

@@ -425,7 +425,7 @@ def _findings(found: sk.RigCalibration, clock: bool) -> Iterator[Finding]:
 
     Whether clocks were looked for, which otherwise is a remedy.
     """
-    for one in found.report:
+    for i, one in enumerate(found.report):
         if found.sure and not clock and offset_of(one, ReadAs()):
             yield late({"camera": one.name, "clock_frames": one.clock, "clock_sigma_frames": one.clock_sigma})
         if one.status == "left_out":
@@ -433,7 +433,8 @@ def _findings(found: sk.RigCalibration, clock: bool) -> Iterator[Finding]:
             words += "them. Does it see the same person at the same time, and is its image not mirrored?"
             numbers = {"error_px": one.error, "explained": one.explained}
             known = {name: float(value) if np.isfinite(value) else None for name, value in numbers.items()}
-            remedy = () if clock else (Remedy("clock", True),)
+            seen = any(np.isfinite(person[:, i]).any() for person in found.people)
+            remedy = (Remedy("clock", True),) if seen and not clock else ()
             yield Finding("camera_left_out", "warning", Subject((one.name,)), known, remedy, sentence=words)
         elif found.sure and one.explained < _AGREES * np.nanmedian(
             [other.explained for other in found.report]
