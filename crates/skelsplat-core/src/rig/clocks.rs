@@ -159,7 +159,7 @@ impl Scope<'_> {
         let known = |errors: &Errors| errors.iter().flatten().count();
         let enough = LEAST.max(all.iter().map(|(_, errors)| known(errors)).max().unwrap_or(0) / 2);
         all.retain(|(_, errors)| known(errors) >= enough);
-        let size = |errors: &Errors| median(errors.iter().flatten().map(|e| e.norm()));
+        let size = |errors: &Errors| median(errors.iter().flatten().map(Vector2::norm));
         let least = all.iter().map(|(_, errors)| size(errors)).fold(f64::INFINITY, f64::min);
         let kernel = 2.0 * PER_NOISE * (least / RAYLEIGH).max(f64::MIN_POSITIVE);
         let cost = |e: &Vector2<f64>| 1.0 - (-(e / kernel).norm_squared()).exp();
