@@ -149,6 +149,19 @@ def test_neither_a_period_nor_stillness_is_a_lag():
         assert {one.status for one in report} == {"sound"}
 
 
+@pytest.mark.parametrize(
+    ("exercise", "hz", "late"), [("squats", 2.0, 20), ("curls", 1.0, 3), ("still", 0, 5)]
+)
+def test_a_lag_that_cannot_be_told_is_in_doubt_or_within_the_bar(exercise, hz, late):
+    rng = np.random.default_rng(0)
+    motion = hard.exercise(exercise, hz, rng) if hz else hard.still("standing", rng)
+    detections = hard.seen(motion[late:], RIG, 0)
+    detections[:, 1] = hard.seen(motion[:-late], RIG, 1)[:, 1]
+    for i, one in enumerate(sk.adjust_cameras(detections, RIG, clock=True).report):
+        assert one.status == ("doubtful" if hz and i == 1 else "sound")
+        assert abs(one.clock - late * (i == 1)) < 2.0 * one.clock_sigma
+
+
 def test_lengths_are_those_of_the_recording_in_a_part_that_shows_none():
     seen = moving(1300).detections
     seen[450:] = np.nan

@@ -184,6 +184,35 @@ fn a_late_camera_is_told_from_one_that_was_moved() {
 }
 
 /// They are of normal differences, with a mean and without one.
+/// A movement that repeats itself every 12 frames fits 12 frames earlier or later as well.
+#[test]
+fn clocks_a_period_apart_are_tied() {
+    let truth = room(4);
+    let bend = |t: f64| {
+        let depth = 0.15 * (std::f64::consts::TAU * t / 12.0).sin();
+        let low = |x: Vector3<f64>| Vector3::new(x.x, x.y, x.z * (1.0 - depth));
+        standing().into_iter().map(low).collect()
+    };
+    for late in [3.0, -2.0] {
+        let mut noise = Noise::new(5);
+        let frames = seen(&truth, &[0.0, late, 0.0, 0.0], bend, |_| 2.0 * noise.normal());
+        let found = adjusted(&truth, &frames, &WITH_CLOCKS);
+        let sound = CameraStatus::Sound;
+        assert_eq!(status(&found), [sound, CameraStatus::Doubtful, sound, sound]);
+        assert!((found.report[1].change.clock - late).abs() < 0.2, "the nearest");
+        assert!(found.report.iter().all(|one| one.bars.clock > 6.0));
+    }
+}
+
+#[test]
+fn who_stands_still_tells_no_clock() {
+    let (truth, mut noise) = (room(4), Noise::new(5));
+    let frames = seen(&truth, &[0.0, 5.0, 0.0, 0.0], |_| standing(), |_| 2.0 * noise.normal());
+    let found = adjusted(&truth, &frames, &WITH_CLOCKS);
+    assert_eq!(status(&found), [CameraStatus::Sound; 4]);
+    assert!(found.report.iter().all(|one| one.bars.clock > 5.0));
+}
+
 #[test]
 fn odds_are_a_ratio_of_likelihoods() {
     let (before, after) = ([3.0, 1.5, 4.0, 2.0], [2.0, 1.0, 2.5, 2.2]);

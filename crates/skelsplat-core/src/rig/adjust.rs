@@ -145,17 +145,27 @@ impl Task<'_> {
         let searched = found.rig.freedom.clone();
         let all = self.scope(&self.fitted);
         found.rig = self.whole(&all, found.rig, &mut bars)?;
+        let late = found.rig.clone();
         if self.what.free.is_none() {
-            let sure = all.with_sure_clocks(found.rig.clone());
-            let late = std::mem::replace(&mut found.rig, sure);
-            for (i, bars) in bars.iter_mut().enumerate().filter(|(i, _)| late.freedom[*i].clock) {
-                bars.clock = bars.clock.hypot(late.cameras[i].clock - found.rig.cameras[i].clock);
-            }
+            found.rig = all.with_sure_clocks(found.rig);
+        }
+        for (i, bars) in bars.iter_mut().enumerate().filter(|(i, _)| late.freedom[*i].clock) {
+            let camera = &mut found.rig.cameras[i];
+            let bar = bars.clock.hypot(late.cameras[i].clock - camera.clock);
+            let taken_back = Some(camera.clock).filter(|_| !found.rig.freedom[i].clock);
+            let (clock, range) = all.clock_range(&late, i, taken_back);
+            (camera.clock, bars.clock) = (clock, bar.max(range));
         }
         if self.what.free.is_none() && !self.holds(&found.rig) {
             self.doubt(&mut found, &searched, &bars);
-        } else if found.rivals.is_empty() {
+            return Ok((found, bars));
+        }
+        if found.rivals.is_empty() {
             found.rivals = std::mem::take(&mut found.besides);
+        }
+        if self.what.free.is_none() {
+            let unsure = self.unsure_clocks(&found.rig, &bars);
+            self.doubt(&mut found, &unsure, &bars);
         }
         Ok((found, bars))
     }
@@ -193,15 +203,26 @@ impl Task<'_> {
         excess(&before, &after) > BETTER
     }
 
-    /// Takes all changes back: their cameras are doubtful.
-    fn doubt(&self, found: &mut SearchResult, searched: &[Freedom], bars: &[Bars]) {
-        let m = self.given.len();
-        let sound = Explanation::start(self.given.to_vec(), vec![Freedom::default(); m]);
-        let changed = std::mem::replace(&mut found.rig, sound);
-        for (view, freedom) in searched.iter().enumerate().filter(|(_, freedom)| freedom.any()) {
+    /// What is free of the cameras whose clocks may as well be right: those of a movement that
+    /// repeats itself fit a period apart.
+    fn unsure_clocks(&self, rig: &Explanation, bars: &[Bars]) -> Vec<Freedom> {
+        let unsure = |(i, freedom): (usize, &Freedom)| {
+            let off = (rig.cameras[i].clock - self.given[i].clock).abs();
+            let is_unsure = freedom.clock && off <= CONFIRMED_WALD * bars[i].clock;
+            if is_unsure { *freedom } else { Freedom::default() }
+        };
+        rig.freedom.iter().enumerate().map(unsure).collect()
+    }
+
+    /// Takes changes back: their cameras are doubtful.
+    fn doubt(&self, found: &mut SearchResult, changes: &[Freedom], bars: &[Bars]) {
+        let changed = found.rig.clone();
+        for (view, freedom) in changes.iter().enumerate().filter(|(_, freedom)| freedom.any()) {
             let fault = if freedom.turn { Fault::Place } else { Fault::Clock };
             let (rig, own) = (changed.clone(), bars[view]);
             found.rivals.push(Supposed { view, fault, rig, bars: own, wald: 0.0 });
+            found.rig.cameras[view] = self.given[view].clone();
+            found.rig.freedom[view] = Freedom::default();
         }
     }
 

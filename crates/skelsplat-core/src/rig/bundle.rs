@@ -24,7 +24,7 @@ use super::scene::Scene;
 use crate::error::Result;
 
 /// Frames that one task sums up.
-const CHUNK: usize = 16;
+pub(super) const CHUNK: usize = 16;
 /// Width of the final kernel in multiples of the noise.
 pub const PER_NOISE: f64 = 2.5;
 /// Least number of clusters.

@@ -4,13 +4,13 @@
 //! Motion tells clocks, so they are judged against errors of detections that last, with places as
 //! they are.
 
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 use super::bias::LastingErrors;
-use super::bundle::{Bundle, unknowns};
-use super::evidence::{odds, wald};
+use super::bundle::{Bundle, CHUNK, PER_NOISE, unknowns};
+use super::evidence::{log_odds, odds, wald};
 use super::placed::{Change, Freedom, Placed};
-use super::search::{CONFIRMED_WALD, Explanation, FAULT_WALD, LEAST, Scope};
+use super::search::{CONFIRMED_WALD, Explanation, FAULT_WALD, LEAST, RAYLEIGH, Scope};
 use crate::statistics::median;
 
 /// Most frames by which clocks may differ.
@@ -21,6 +21,11 @@ const PART: usize = 3;
 const STRONG: f64 = 10.0;
 /// The least recording that tells clocks, frames.
 const LEAST_FRAMES: usize = 12;
+/// Frames by which a clock's error bar tells lags apart.
+const NEXT: f64 = 2.0;
+
+/// Errors of the detections of one view, (frames, N); `None` where there is none.
+type Errors = Vec<Option<Vector2<f64>>>;
 
 impl Scope<'_> {
     /// Takes back the clocks that are not off any more now that other faults are corrected, the
@@ -113,6 +118,98 @@ impl Scope<'_> {
         let tried = (-most..=most).filter_map(|shift| Some((shift, off(shift)?)));
         let (best, _) = tried.min_by(|a, b| a.1.total_cmp(&b.1).then(a.0.abs().cmp(&b.0.abs())))?;
         (best != 0 || self.clock).then_some(now + best as f64)
+    }
+
+    /// A clock, and how far it may be from there: the root mean square over whole lags, by their
+    /// odds. The next two frames either way are left to its error bar. If no `clock` is named, that
+    /// of the lags that are tied which is nearest to the given one.
+    pub fn clock_range(&self, rig: &Explanation, view: usize, clock: Option<f64>) -> (f64, f64) {
+        let others: Vec<bool> = (0..rig.cameras.len()).map(|i| i != view).collect();
+        let points = self.scene.points(self.frames, &rig.cameras, &others);
+        let now = rig.cameras[view].clock;
+        let odds = self.odds_of_lags(&rig.cameras, view, now, &points);
+        let off = |clock: &f64| (clock - self.given[view].clock).abs();
+        let tied = odds.iter().filter(|(_, odds)| *odds >= 1.0).map(|(lag, _)| now + lag);
+        let nearest = tied.min_by(|a, b| off(a).total_cmp(&off(b)));
+        let other = nearest.filter(|clock| (clock - now).abs() > NEXT).unwrap_or(now);
+        let clock = clock.unwrap_or(other);
+        let far = odds.iter().map(|(lag, odds)| ((now + lag - clock).abs(), odds));
+        let far: f64 = far.filter(|(d, _)| *d > NEXT).map(|(d, odds)| odds * d * d).sum();
+        let all: f64 = odds.iter().map(|(_, odds)| odds).sum();
+        (clock, (far / all.max(1.0)).sqrt())
+    }
+
+    /// Whole lags of a clock beside `now`, and the odds of each against the one that fits best, if
+    /// as many lags as there are were tried: at most 1, which all have that are tied.
+    ///
+    /// An error e of the view, less what lasts, costs ρ(e) = 1 − exp(−|e|²/4σ²) where the others
+    /// place the joint. If the best lag is right, another with e' costs D more in a cell, a joint
+    /// in a part of the recording, in proportion to d = Σ ρ(e' − e): T is the slope of D over d
+    /// by the error that allows cells their own noise (White 1980).
+    fn odds_of_lags(
+        &self,
+        rig: &[Placed],
+        view: usize,
+        now: f64,
+        points: &[Vector3<f64>],
+    ) -> Vec<(f64, f64)> {
+        let most = self.most_offset();
+        let errors = |lag: f64| (lag, self.passing(rig, view, now + lag, points));
+        let mut all: Vec<(f64, Errors)> = (-most..=most).map(|lag| errors(lag as f64)).collect();
+        let known = |errors: &Errors| errors.iter().flatten().count();
+        let enough = LEAST.max(all.iter().map(|(_, errors)| known(errors)).max().unwrap_or(0) / 2);
+        all.retain(|(_, errors)| known(errors) >= enough);
+        let size = |errors: &Errors| median(errors.iter().flatten().map(Vector2::norm));
+        let least = all.iter().map(|(_, errors)| size(errors)).fold(f64::INFINITY, f64::min);
+        let kernel = 2.0 * PER_NOISE * (least / RAYLEIGH).max(f64::MIN_POSITIVE);
+        let cost = |e: &Vector2<f64>| 1.0 - (-(e / kernel).norm_squared()).exp();
+        let mean =
+            |errors: &Errors| errors.iter().flatten().map(cost).sum::<f64>() / known(errors) as f64;
+        let rated = all.iter().map(|(_, errors)| (mean(errors), errors));
+        let Some((_, best)) = rated.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+            return Vec::new();
+        };
+        let n = self.scene.n_joints();
+        let odds = |errors: &Errors| {
+            let mut cells = vec![[0.0; 2]; n * self.frames.len().div_ceil(CHUNK)];
+            for (k, (own, other)) in errors.iter().zip(best).enumerate() {
+                if let (Some(own), Some(other)) = (own, other) {
+                    let [more, due] = &mut cells[k % n + n * (k / n / CHUNK)];
+                    *more += cost(own) - cost(other);
+                    *due += cost(&(own - other));
+                }
+            }
+            let due: f64 = cells.iter().map(|[_, due]| due * due).sum();
+            let slope = cells.iter().map(|[more, due]| more * due).sum::<f64>() / due;
+            let noise = |[more, due]: &[f64; 2]| (due * (more - slope * due)).powi(2);
+            let error = cells.iter().map(noise).sum::<f64>().sqrt() / due;
+            let t = if slope > 0.0 { slope / error } else { 0.0 };
+            (all.len() as f64 * (-log_odds(t, cells.len())).exp()).min(1.0)
+        };
+        all.iter().map(|(lag, errors)| (*lag, odds(errors))).collect()
+    }
+
+    /// Errors of the detections of a view with another clock, mm, less those that last. Of two
+    /// cameras, both place the joints.
+    fn passing(&self, rig: &[Placed], view: usize, clock: f64, points: &[Vector3<f64>]) -> Errors {
+        let mut cameras = rig.to_vec();
+        cameras[view].clock = clock;
+        let pair = (rig.len() == 2).then(|| self.scene.points(self.frames, &cameras, &[true; 2]));
+        let (n, camera) = (self.scene.n_joints(), &cameras[view]);
+        let error = |(k, x): (usize, &Vector3<f64>)| {
+            let sight = self.scene.sight(self.frames[k / n], view, k % n, camera, false)?;
+            let residual = camera.residual(x, &sight).filter(|_| x.x.is_finite())?;
+            Some(residual.value * residual.pixel)
+        };
+        let points = pair.as_deref().unwrap_or(points);
+        let mut errors: Errors = points.iter().enumerate().map(error).collect();
+        for j in 0..n {
+            let of_joint = || errors.iter().skip(j).step_by(n).flatten();
+            let lasting = [0, 1].map(|axis| median(of_joint().map(|e| e[axis])));
+            let lasting = Vector2::from(lasting);
+            errors.iter_mut().skip(j).step_by(n).flatten().for_each(|e| *e -= lasting);
+        }
+        errors
     }
 
     /// What tells clocks alone: errors of detections that last are unknown, and places stay.

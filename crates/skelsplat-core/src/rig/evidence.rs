@@ -98,10 +98,15 @@ pub fn is_worse(costs: &[f64], others: &[f64]) -> bool {
     excess(costs, others) > AGREED
 }
 
-/// The logarithm of the odds that others explain more, ½ G ln(1 + T²/(G − 1)) of G clusters, where
-/// their costs are lower by T standard errors.
+/// The logarithm of the odds that others explain more.
 pub fn odds(costs: &[f64], others: &[f64]) -> f64 {
-    let (t, g) = (excess(costs, others), costs.len() as f64);
+    log_odds(excess(costs, others), costs.len())
+}
+
+/// The logarithm of the odds that a difference of T standard errors over G clusters is none of
+/// chance, ½ G ln(1 + T²/(G − 1)).
+pub fn log_odds(t: f64, clusters: usize) -> f64 {
+    let g = clusters as f64;
     t.signum() * 0.5 * g * (t * t / (g - 1.0)).ln_1p()
 }
 

@@ -22,7 +22,7 @@ use crate::statistics::median;
 /// Fewer detections do not place a camera.
 pub(super) const LEAST: usize = 20;
 /// Median distance of normal errors in a plane, relative to their standard deviation.
-const RAYLEIGH: f64 = 1.177_41;
+pub(super) const RAYLEIGH: f64 = 1.177_41;
 /// Least noise, pixels.
 const LEAST_PX: f64 = 0.05;
 /// A change is a fault from this Wald statistic ([`wald`]) on.
@@ -200,7 +200,13 @@ impl Scope<'_> {
             }
             let Some(supposed) = self.suppose(&still, view, fault, sigma) else { continue };
             let change = Change::between(&self.given[view], &supposed.rig.cameras[view]);
-            learn(&mut bars[view], fault, &supposed.bars.besides(&change));
+            let mut known = supposed.bars.besides(&change);
+            if fault == Fault::Clock {
+                let given = Some(self.given[view].clock);
+                let (_, range) = self.clock_range(&supposed.rig, view, given);
+                known.clock = known.clock.max(range);
+            }
+            learn(&mut bars[view], fault, &known);
             if full && !supposed.is_clock() && self.is_fault(&still, &supposed, sigma) {
                 more.push(supposed);
             }
