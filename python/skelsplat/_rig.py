@@ -29,8 +29,9 @@ class CameraAdjustment:
 
     ``status`` is ``"sound"`` (it stays as it is), ``"adjusted"``, ``"late"`` (its clock is off, and it stays;
     if it was turned or moved as well, it is adjusted, and ``clock`` says so), ``"doubtful"`` (it or another
-    doubtful camera is wrong, and all stay) or ``"unseen"`` (it sees too little, or is one of two cameras). In
-    runs also ``"knocked"``: it was moved in the frame ``since``, and stays.
+    doubtful camera is wrong, or other clocks explain as much, and all stay) or ``"unseen"`` (it sees too
+    little, or is one of two cameras). In runs also ``"knocked"``: it was moved in the frame ``since``, and
+    stays.
 
     Attributes
     ----------
