@@ -329,12 +329,14 @@ def _in_world(
     axes, origin = _world(floor, there[0])
     named = {names[i]: clock for i, clock in clocks.items()}
     in_world = [moved(camera, axes, origin, scale) for camera in there]
-    placed = CameraRig(in_world, clocks=named, joint_sigma=scale * float(found["joint_sigma"]))
+    joint_sigma = scale * float(found["joint_sigma"])
+    stated = joint_sigma if math.isfinite(joint_sigma) else 0.0
+    placed = CameraRig(in_world, clocks=named, joint_sigma=stated)
     report = tuple(_report(found, names, i, scale * axes) for i in range(len(cameras)))
     up_sigma = math.nan if floor is None else floor.sigma_deg
     still = [] if max(map(movement, of_each)) >= _LEAST_MOVED else ["movement"]
     wrong = ["lenses"] if any(one.zoom != 1.0 for one in report) else []
-    wide = [] if _are_small(there, points, scale, report, placed.joint_sigma) else ["places"]
+    wide = [] if _are_small(there, points, scale, report, joint_sigma) else ["places"]
     every = (*still, *doubts, *wrong, *wide)  # of somebody who stands still, clocks say nothing
     return RigCalibration(placed, report, scale_sigma, up_sigma, every, tuple(everyone))
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from skelsplat import synthetic
+from skelsplat import _skelsplat, synthetic
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.exceptions import DegenerateGeometryError, InvalidInputError
 from skelsplat.synthetic import DetectionNoise
@@ -184,6 +184,19 @@ def test_two_cameras_in_one_place_are_doubted() -> None:
     noise, poses = DetectionNoise.recording(frame_rate=FPS), roaming((20 + np.arange(FRAMES)) / FPS)
     both = synthetic.simulate_detections(poses, pair, noise=noise, layout=LAYOUT, seed=3)
     assert not sk.calibrate_cameras(both, pair, layout=LAYOUT).sure
+
+
+@pytest.mark.parametrize("unknown", [np.nan, np.inf])
+def test_a_rig_of_unknown_sureness_is_doubted(monkeypatch, unknown: float) -> None:
+    solve = _skelsplat.calibrate_cameras
+
+    def solved(*args, **options):
+        cameras, found = solve(*args, **options)
+        return cameras, {**found, "joint_sigma": unknown}
+
+    monkeypatch.setattr(_skelsplat, "calibrate_cameras", solved)
+    found = sk.calibrate_cameras(walk(), list(RIG), layout=LAYOUT)
+    assert found.doubts == ("places",)
 
 
 def test_joints_are_off_by_what_is_said_of_them() -> None:
