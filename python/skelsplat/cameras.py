@@ -27,7 +27,7 @@ class CameraRig(Sequence[Camera]):
     is an `InvalidInputError`.
 
     `joint_sigma`, in `unit`, is of cameras whose places were estimated: the standard deviation per axis by
-    which joints are off for it, with all of a recording aligned as a whole. Error bars of poses include it.
+    which joints are off because of that, with a recording aligned as a whole. Error bars of poses include it.
     """
 
     cameras: Sequence[Camera]

@@ -148,7 +148,7 @@ fn what_moves_everything_together_is_no_error() {
     }
 }
 
-/// Joints that are placed anew by cameras with small errors, all aligned.
+/// Places joints anew with cameras that have small errors, and aligns all of them.
 #[test]
 fn joints_are_off_by_what_their_cameras_are_off() {
     let (cameras, errors, body) = (placed(), errors(30) * 1e-3, standing());

@@ -453,7 +453,7 @@ def _findings(found: sk.RigCalibration, clock: bool) -> Iterator[Finding]:
         off = [f"{one.name} {100 * (one.zoom - 1):+.0f} %" for one in placed if one.zoom != 1.0]
         unknown = np.isfinite([one.focal_sigma for one in placed]).any()
         stated = "the same for all" if unknown else "those given"
-        lenses = "; known lenses help, or that all cameras have the same" if unknown else ""
+        lenses = "; giving the lenses helps, or stating that all are the same" if unknown else ""
         bars = f"one may be off by {with_bar(turn, None)}° or {place:,.0f} mm"
         why = {
             "clocks": "the cameras are out of step. Find their clocks as well",

@@ -104,8 +104,8 @@ impl Refiner {
         })
     }
 
-    /// With cameras whose places are estimated: by so much, per axis and in their unit, joints are
-    /// off because of that (standard deviation).
+    /// With the standard deviation, per axis and in the cameras' unit, by which joints are off
+    /// because the cameras' places are estimated.
     #[must_use]
     pub fn with_rig_sigma(mut self, sigma: f64) -> Self {
         self.rig_sigma = sigma;

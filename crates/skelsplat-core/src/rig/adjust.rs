@@ -203,8 +203,8 @@ impl Task<'_> {
         excess(&before, &after) > BETTER
     }
 
-    /// What is free of the cameras whose clocks may as well be right: those of a movement that
-    /// repeats itself fit a period apart.
+    /// What was free of the cameras whose clocks may be right after all: where a movement repeats
+    /// itself, clocks a period apart fit alike.
     fn unsure_clocks(&self, rig: &Explanation, bars: &[Bars]) -> Vec<Freedom> {
         let unsure = |(i, freedom): (usize, &Freedom)| {
             let off = (rig.cameras[i].clock - self.given[i].clock).abs();

@@ -139,8 +139,8 @@ impl Scope<'_> {
         (clock, (far / all.max(1.0)).sqrt())
     }
 
-    /// Whole lags of a clock beside `now`, and the odds of each against the one that fits best, if
-    /// as many lags as there are were tried: at most 1, which all have that are tied.
+    /// The whole lags of a clock relative to `now`, each with its odds against the one that fits
+    /// best, corrected for the number of lags tried: at most 1, which means tied.
     ///
     /// An error e of the view, less what lasts, costs ρ(e) = 1 − exp(−|e|²/4σ²) where the others
     /// place the joint. If the best lag is right, another with e' costs D more in a cell, a joint

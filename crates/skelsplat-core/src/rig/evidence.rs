@@ -103,7 +103,7 @@ pub fn odds(costs: &[f64], others: &[f64]) -> f64 {
     log_odds(excess(costs, others), costs.len())
 }
 
-/// The logarithm of the odds that a difference of T standard errors over G clusters is none of
+/// The logarithm of the odds that a difference of T standard errors over G clusters is not due to
 /// chance, ½ G ln(1 + T²/(G − 1)).
 pub fn log_odds(t: f64, clusters: usize) -> f64 {
     let g = clusters as f64;
