@@ -26,7 +26,7 @@ _TINY = 1e-9
 # Sine of the angle between a limb and the axis through both sides of the body below which its swing is too
 # uncertain to count turns from frame to frame: 20°.
 _NEAR_AXIS = 0.34
-_TOES = ("foot_index", "toe")  # other names of the big toe
+TOES = ("foot_index", "toe")  # other names of the big toe
 
 UP: Final = "up"
 Point = tuple[str, ...]  # the middle of these joints
@@ -118,7 +118,7 @@ def angle_names(joints: Sequence[str], *, leaning: bool = True) -> tuple[str, ..
 def _places(joints: Sequence[str]) -> dict[str, int]:
     """Return the index of every joint; the big toes are found under other names as well."""
     place = {name: k for k, name in enumerate(joints)}
-    for side, toe in product(("left", "right"), _TOES):
+    for side, toe in product(("left", "right"), TOES):
         if f"{side}_{toe}" in place:
             place.setdefault(f"{side}_big_toe", place[f"{side}_{toe}"])
     return place

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -25,7 +28,8 @@ from skelsplat.io import (
     write_pose,
 )
 from skelsplat.io.poses import convert_poses
-from skelsplat.layouts import get
+from skelsplat.io.poses._markers import IK_SETUPS, ik_model
+from skelsplat.layouts import get, names
 
 
 def test_between_formats_that_hold_everything(tmp_path):
@@ -139,13 +143,40 @@ def test_axes_that_are_turned_once_more_are_a_warning(tmp_path):
 LEGS = [side + name for side in "RL" for name in ("Hip", "Knee", "Ankle")]
 FEET = [side + name for side in "RL" for name in ("BigToe", "SmallToe", "Heel")]
 ARMS = [side + name for side in "RL" for name in ("Shoulder", "Elbow", "Wrist")]
+HANDS = [side + name for side in "RL" for name in ("Thumb", "Index", "Pinky")]
+EYES = ["LEye", "REye"]
+BLAZEPOSE = {"Nose", *EYES, *LEGS, *FEET, *ARMS, *HANDS} - {"LSmallToe", "RSmallToe"}
+# By layout, Pose2Sim's model and the markers of its IK_Setup_Pose2Sim_*.xml.
 POSE2SIM = {
-    "halpe26": {"Hip", "Head", "Neck", "Nose", *LEGS, *FEET, *ARMS},
-    "body25": {"CHip", "Neck", "Nose", *LEGS, *FEET, *ARMS},
-    "body25b": {"Head", "Neck", "Nose", *LEGS, *FEET, *ARMS},
-    "coco17": {"Nose", *LEGS, *ARMS},
+    "halpe26": ("Halpe26", {"Hip", "Head", "Neck", "Nose", *LEGS, *FEET, *ARMS}),
+    "body25": ("Body25", {"CHip", "Neck", "Nose", *LEGS, *FEET, *ARMS}),
+    "body25b": ("Body25b", {"Head", "Neck", "Nose", *LEGS, *FEET, *ARMS}),
+    "coco17": ("Coco17", {"Neck", "Nose", *LEGS, *ARMS}),
+    "halpe136": ("Halpe68_136", {"Hip", "Head", "Neck", "Nose", *LEGS, *FEET, *ARMS, *HANDS}),
+    "wholebody133": ("Coco133", {"Nose", *EYES, *LEGS, *FEET, *ARMS, *HANDS}),
+    "mediapipe33": ("Blazepose", BLAZEPOSE),
+    "h36m17": ("Coco17", {"Neck", "Nose", *LEGS, *ARMS}),
+    "panoptic19": ("Coco17", {"Neck", "Nose", *LEGS, *ARMS}),
+    "shelf14": ("Coco17", {"Neck", *LEGS, *ARMS}),
+    "occlusion_person15": ("Coco17", {"Neck", *LEGS, *ARMS}),
 }
-FACE = {"LEye", "REye", "LEar", "REar"}  # Pose2Sim has no markers there
+
+
+def test_these_are_the_markers_of_pose2sim():
+    package = find_spec("Pose2Sim")
+    if package is None:
+        pytest.skip("pose2sim is not installed (a wheel of 49 MB)")
+    folder = Path(package.submodule_search_locations[0]) / "OpenSim_Setup"
+    for layout, (setup, markers) in POSE2SIM.items():
+        tree = ElementTree.parse(folder / f"IK_Setup_Pose2Sim_{setup}.xml")
+        stated = {task.get("name"): float(task.find("weight").text) for task in tree.iter("IKMarkerTask")}
+        lacking = {"Nose"} if layout in ("shelf14", "occlusion_person15") else set()
+        assert stated.keys() - lacking == markers
+        assert IK_SETUPS[ik_model(get(layout).joints)].weights == pytest.approx(stated)
+
+
+def test_every_layout_of_people_has_a_model():
+    assert {name for name in names if get(name).human} == POSE2SIM.keys()
 
 
 @pytest.mark.parametrize("kind", ["trc", "c3d"])
@@ -155,10 +186,14 @@ def test_pose2sim_finds_its_markers(tmp_path, layout, kind):
     pose = np.random.default_rng(0).normal(0, 1, (3, len(joints), 3))
     data = PoseData(pose, joints, np.arange(3), "m", frame_rate=50.0)
     write_pose(path, data, marker_names="pose2sim")
-    names = read_pose(path).joint_names
-    assert set(names) - FACE == POSE2SIM[layout]
-    place = dict(zip(joints, names, strict=True))
+    back = read_pose(path)
+    wanted = IK_SETUPS[ik_model(joints)].weights
+    assert set(back.joint_names) & wanted.keys() == POSE2SIM[layout][1]
+    place = dict(zip(joints, back.joint_names, strict=False))
     assert (place["left_hip"], place["right_wrist"]) == ("LHip", "RWrist")
+    if "Neck" not in place.values() and "Neck" in wanted:
+        ends = [joints.index(f"{side}_shoulder") for side in ("left", "right")]
+        np.testing.assert_allclose(back.in_unit("m").pose[:, -1], pose[:, ends].mean(axis=1), atol=1e-6)
     for name, style in ((f"b.{kind}", "opensim"), ("b.csv", "pose2sim")):
         with pytest.raises(sk.InvalidInputError, match="marker_names"):
             write_pose(tmp_path / name, data, marker_names=style)

@@ -13,7 +13,7 @@ from skelsplat.io._arrays import FRAME_RATES
 from skelsplat.io.detections import FORMATS
 from skelsplat.io.detections._joints import check_layout
 from skelsplat.io.poses import POSE_FORMATS
-from skelsplat.io.poses._pose_data import MARKER_NAMES
+from skelsplat.io.poses._markers import MARKER_NAMES
 from skelsplat.run.over_time import Filter, parse_filter
 from skelsplat.run.person import check_person
 

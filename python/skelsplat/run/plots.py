@@ -15,7 +15,8 @@ from skelsplat._arrays import Array
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io import PoseData, read_layout, read_pose, read_run
-from skelsplat.io.poses._pose_data import ARRAYS, MARKER_NAMES, marker_names
+from skelsplat.io.poses._markers import MARKER_NAMES, marker_names
+from skelsplat.io.poses._pose_data import ARRAYS
 from skelsplat.run.angles import vertical_of
 from skelsplat.run.folder import output_folder
 from skelsplat.run.frame_range import FrameRange
@@ -84,6 +85,7 @@ def read_source(
     limbs, left_right = _connections(known, names)
     zero = int(frames[0]) if path.is_file() else run.ends[0]
     called = names if known is None or set(known.joints) <= set(names) else tuple(known.joints)
+    called += names[len(called) :]  # of markers that are no joints
     poses = replace(poses, **arrays).in_unit("mm")
     return Source(path, poses, limbs, left_right, _chosen_joints(joints, names), zero, tier, called, up)
 

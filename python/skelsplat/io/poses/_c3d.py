@@ -16,8 +16,8 @@ from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._guarded import read_guarded
-from skelsplat.io.poses._pose_data import Y_UP, PoseData, checked, known_frame_rate
-from skelsplat.io.poses._pose_data import marker_names as named
+from skelsplat.io.poses._markers import Y_UP, as_markers
+from skelsplat.io.poses._pose_data import PoseData, checked, known_frame_rate
 
 # Frame numbers are 16-bit words that start at 1, and a residual is seven bits of a byte in whole units.
 MAX_FRAMES = 65535
@@ -50,7 +50,8 @@ def write_c3d(
     The parameters are those of `write_trc`; ``POINT:Y_SCREEN`` says if y is up.
     """
     ezc3d = require("ezc3d", "C3D files")
-    labels = named(data.joint_names, marker_names)
+    data = as_markers(data, marker_names)
+    labels = data.joint_names
     rate = known_frame_rate(data, frame_rate, "C3D")
     check_c3d(data.frames, labels)
     fits = data.frames[0] >= 1 and data.frames[-1] <= MAX_FRAMES

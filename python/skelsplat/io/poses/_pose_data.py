@@ -1,7 +1,4 @@
-"""What the pose writers write: refined poses with names and units, in memory or part by part.
-
-And what marker files (TRC, C3D) have in common: names of the joints, axes, a frame rate.
-"""
+"""What the pose writers write: refined poses with names and units, in memory or part by part."""
 
 from __future__ import annotations
 
@@ -23,14 +20,9 @@ from skelsplat._skelsplat import JOINT_STATUS
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io._arrays import FRAME_RATES, RowFile
-from skelsplat.layouts import BODY25
 
 _LENGTHS = ("pose", "init_pose", "joint_bias", "noise", "velocity", "bone_lengths", "bone_length_sigma")
 _SQUARES = ("covariance", "uncertainty", "velocity_uncertainty")
-MARKER_NAMES = ("skelsplat", "pose2sim")
-# the world's z axis up becomes the file's y axis up by this order of columns (Pose2Sim does the same)
-Y_UP = [1, 2, 0]
-_SIDES = {"left": "L", "right": "R"}
 _STATUSES = (*JOINT_STATUS, "filled")
 _WITH_POSITION = ("ok", "inferred", "filled")  # statuses
 _TEXT = np.dtype("U16")  # of `PoseParts`: room for every status and stop reason
@@ -300,20 +292,3 @@ def known_frame_rate(data: PoseData, given: float | None, kind: str) -> float:
         raise InvalidInputError(f"frame_rate: expected one for a {kind} file, got none")
     positive("frame_rate", rate)
     return rate
-
-
-def marker_names(joint_names: tuple[str, ...], convention: str) -> tuple[str, ...]:
-    """Return the joints' names in a convention of `MARKER_NAMES`; Pose2Sim knows ``RHip``, ``LBigToe``."""
-    one_of("marker_names", convention, MARKER_NAMES)
-    if convention == "skelsplat":
-        return joint_names
-    # of BODY_25 and HALPE_26
-    root = "CHip" if joint_names == tuple(BODY25.joints) else "Hip"
-    return tuple(root if name == "pelvis" else _pose2sim(name) for name in joint_names)
-
-
-def _pose2sim(name: str) -> str:
-    side, _, rest = name.partition("_")
-    prefix = _SIDES.get(side, "") if rest else ""
-    words = (rest if prefix else name).split("_")
-    return prefix + "".join(word[:1].upper() + word[1:] for word in words)

@@ -21,8 +21,9 @@ from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Subject, warn
 from skelsplat.io._files import frame_number
-from skelsplat.io.poses._pose_data import Y_UP, PoseData, Poses, checked, known_frame_rate, parts_of
-from skelsplat.io.poses._pose_data import marker_names as named
+from skelsplat.io.poses._markers import Y_UP, as_markers
+from skelsplat.io.poses._markers import marker_names as named
+from skelsplat.io.poses._pose_data import PoseData, Poses, checked, known_frame_rate, parts_of
 
 _HEADER = "DataRate CameraRate NumFrames NumMarkers Units OrigDataRate OrigDataStartFrame OrigNumFrames"
 # a micrometre
@@ -59,7 +60,7 @@ def write_trc(
         lines = _header(Path(path).name, names, len(frames), rate, unit)
         stream.write("".join(f"{line}\n" for line in lines).encode())
         for part in parts:
-            points = part.pose * (MM_PER_UNIT[head.unit] / MM_PER_UNIT[unit])
+            points = as_markers(part, marker_names).pose * (MM_PER_UNIT[head.unit] / MM_PER_UNIT[unit])
             rows = _rows(points[..., Y_UP] if y_up else points, part.frames - start, rate, _DECIMALS[unit])
             stream.write("".join(f"{row}\n" for row in rows).encode())
 
