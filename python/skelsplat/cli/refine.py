@@ -25,10 +25,10 @@ from skelsplat.run.folder import run_folder
 
 _EPILOG = (
     "Results in FOLDER: pose.npz, pose.csv and pose.trc (or the formats of --write), report.json, "
-    "report.html, figures, angles, and the input as used. With --people they are in the folder of each "
-    "person, and report.html, overview.png, and people.csv, people.json or people.nc have everybody. Files "
-    "of an earlier run are removed first; plots/ and overlay/ are kept. Long recordings are done in parts, "
-    "unless an option needs all frames at once."
+    "report.html, figures, angles, opensim/, and the input as used. With --people they are in the folder of "
+    "each person, and report.html, overview.png, and people.csv, people.json or people.nc have everybody. "
+    "Files of an earlier run are removed first; plots/ and overlay/ are kept. Long recordings are done in "
+    "parts, unless an option needs all frames at once."
 )
 
 

@@ -16,7 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from skelsplat._escape import escaped
-from skelsplat._words import number
+from skelsplat._words import listed, number
 from skelsplat.cli.output import print_finding
 from skelsplat.findings import Finding
 from skelsplat.run import PeopleRun, Run, tables
@@ -173,11 +173,11 @@ def _print_note_and_warnings(console: Console, run: Run | PeopleRun, told: Colle
 
 
 def print_files(console: Console, folder: Path, names: Sequence[str]) -> None:
-    """Print where the results are, and which folders next to them belong to an earlier run."""
+    """Print where the results are, and what next to them belongs to an earlier run."""
     console.print(Text.assemble("Wrote to ", (escaped(f"{folder}/"), "bold"), f": {', '.join(names)}"))
-    folders = left_of_earlier(folder)
-    if folders:
-        console.print(f"! {' and '.join(folders)} {'is' if len(folders) == 1 else 'are'} from an earlier run")
+    left = left_of_earlier(folder)
+    if left:
+        console.print(f"! {escaped(listed(left))} {'is' if len(left) == 1 else 'are'} from an earlier run")
 
 
 def _lines(run: Run) -> Iterator[str]:

@@ -181,8 +181,8 @@ class Run:
 
         Files of an earlier run are removed first. The folder can be read by `open`, and drawn by
         ``skelsplat plot`` and ``skelsplat overlay``. ``formats`` are of `skelsplat.io.poses.POSE_FORMATS`,
-        ``options`` are ``html``, ``y_up``, ``marker_names`` and ``angles`` as of `Job`. Without a frame rate,
-        formats that need one assume 30 frames per second.
+        ``options`` are ``html``, ``y_up``, ``marker_names``, ``angles`` and ``opensim`` as of `Job`. Without
+        a frame rate, formats that need one assume 30 frames per second.
         """
         writing = Writing(write=tuple(formats), **options)
         with folders.run_folder(Path(folder)):

@@ -35,10 +35,17 @@ from skelsplat.io._run_files import (
     of_person,
 )
 from skelsplat.io.detections import FORMATS
-from skelsplat.io.poses import PEOPLE_FORMATS, POSE_FORMATS, check_pose_format
+from skelsplat.io.poses import (
+    OPENSIM_FILES,
+    PEOPLE_FORMATS,
+    POSE_FORMATS,
+    check_opensim,
+    check_pose_format,
+    write_opensim,
+)
 from skelsplat.io.run_folder import write_run_inputs
 from skelsplat.run.angles import FILES as ANGLE_FILES
-from skelsplat.run.angles import check_angles, vertical_of, write_angles
+from skelsplat.run.angles import check_angles, vertical_of, world_up, write_angles
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -56,10 +63,11 @@ _PICTURES = ("overview.png", "weights.png")
 _POSSIBLE = (
     *(f"pose.{kind}" for kind in POSE_FORMATS),
     *(f"people.{kind}" for kind in PEOPLE_FORMATS),
-    *(*ANGLE_FILES, CAMERAS, DETECTIONS, LAYOUT, *_PICTURES, PAGE),
+    *(*ANGLE_FILES, *OPENSIM_FILES, CAMERAS, DETECTIONS, LAYOUT, *_PICTURES, PAGE),
 )
 # of other commands, perhaps the work of hours
 _OF_OTHERS = ("plots", "overlay")
+_OPENSIM = Path(OPENSIM_FILES[0]).parent.name
 _ASSUMED_FPS = 30.0
 _WITH_MARKERS = [kind for kind, entry in POSE_FORMATS.items() if "y_up" in entry.options]
 
@@ -68,6 +76,7 @@ def _names(writing: Writing, run: Run) -> list[str]:
     """Return the names of the files, but for the report; pictures need the extra viz."""
     wanted = {*(f"pose.{kind}" for kind in writing.pose_formats), CAMERAS, DETECTIONS}
     wanted |= set(ANGLE_FILES) if writing.angles else set()
+    wanted |= set(OPENSIM_FILES) if writing.opensim else set()
     wanted |= set() if layouts.is_built_in(run.layout) else {LAYOUT}
     if can_draw():
         wanted |= set(_PICTURES)
@@ -81,15 +90,19 @@ def check_files(writing: Writing, inputs: Inputs) -> None:
         check_pose_format(kind, inputs.frames, inputs.layout.joints)
     if writing.angles:
         check_angles(inputs.layout)
+    if writing.opensim:
+        check_opensim(inputs.layout)
 
 
 def find_in_files(writing: Writing, inputs: Inputs) -> Iterator[Finding]:
     """Yield findings on the files: no vertical, assumed times, no pictures."""
     timed = tuple(f"pose.{kind}" for kind in writing.pose_formats if kind in _WITH_MARKERS)
     timed = (*timed, ANGLE_FILES[-1]) if writing.angles else timed
-    if writing.angles and vertical_of(inputs.rig) is None:
-        words = "The cameras do not show which axis of the world is vertical: angles of trunk and pelvis "
-        words += "are left out."
+    timed = (*timed, OPENSIM_FILES[0]) if writing.opensim else timed
+    if (writing.angles or writing.opensim) and vertical_of(inputs.rig) is None:
+        effects = ["angles of trunk and pelvis are left out"] if writing.angles else []
+        effects += ["the nearest one is y in opensim/"] if writing.opensim else []
+        words = f"The cameras do not show which axis of the world is vertical: {listed(effects)}."
         yield Finding("vertical_unknown", "note", sentence=words)
     if timed and inputs.fps is None:
         words = f"The frame rate is unknown: the times in {listed(timed)} assume {_ASSUMED_FPS:g} frames "
@@ -137,6 +150,8 @@ def write_folder(
         write_pose(folder / f"pose.{kind}", whole.poses, **({"run": name} if kind == "npz" else options))
     if writing.angles:
         write_angles(run, folder, _ASSUMED_FPS)
+    if writing.opensim:
+        write_opensim(folder, run.poses, world_up(run.cameras), rate or _ASSUMED_FPS)
     write_run_inputs(folder, run.cameras, run.layout, whole.detections, frames, rate, name)
     if can_draw():
         run.write_figures(folder)
@@ -224,6 +239,7 @@ def begin_writing(folder: Path, report: dict[str, Any]) -> None:
     atomic_write_text(folder / REPORT, to_text(unfinished))
     _remove(folder, earlier)
     remove_left(folder, [*_POSSIBLE, REPORT])
+    remove_left(folder / _OPENSIM, OPENSIM_FILES)
     for gone in (folder / name for name in people if name not in report.get("folders", [])):
         _remove(gone, files_of_run(gone) or [])
         with contextlib.suppress(OSError):  # missing, or it holds what is not from a run
@@ -237,11 +253,16 @@ def _remove(folder: Path, names: Iterable[str]) -> None:
     for path in (folder / name for name in _POSSIBLE if name in {*names}):
         with opening(path, "a file of an earlier run that can be removed"):
             path.unlink(missing_ok=True)
+        if path.parent != folder:
+            with contextlib.suppress(OSError):  # not empty, or never made
+                path.parent.rmdir()
 
 
 def left_of_earlier(folder: Path) -> list[str]:
-    """Return the folders that other commands wrote, which show an earlier run."""
-    return [f"{name}/" for name in _OF_OTHERS if any((folder / name).glob("*"))]
+    """Return the folders that other commands wrote and files that OpenSim did, which show an earlier run."""
+    results = (f"{_OPENSIM}/{path.name}" for path in (folder / _OPENSIM).glob("*"))
+    folders = [f"{name}/" for name in _OF_OTHERS if any((folder / name).glob("*"))]
+    return [*folders, *sorted(set(results) - {*OPENSIM_FILES})]
 
 
 @contextlib.contextmanager

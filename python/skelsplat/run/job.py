@@ -41,6 +41,8 @@ class Writing:
     marker_names: str = MARKER_NAMES[0]
     #: Write the joint angles as well, `skelsplat.joint_angles`: ``angles.csv``, ``.npz`` and ``.mot``.
     angles: bool = False
+    #: Write what OpenSim needs for inverse kinematics into ``opensim``, `skelsplat.io.poses.OPENSIM_FILES`.
+    opensim: bool = False
     html: bool = True
 
     @property
@@ -182,6 +184,7 @@ class Job(Writing):
             "fill_gaps": self.fill_gaps,
             "filter": self.filter is not None,
             "angles": self.angles,
+            "opensim": self.opensim,
             "write": "c3d" in self.write,
         }
         return tuple(option for option, given in needed.items() if given)

@@ -25,6 +25,9 @@ from skelsplat.io.poses._c3d import c3d_is_y_up, check_c3d, read_c3d, write_c3d
 from skelsplat.io.poses._csv import COLUMNS, csv_text, read_csv, rows_of, write_csv
 from skelsplat.io.poses._json import is_json_poses, people_text, read_json, write_json
 from skelsplat.io.poses._npz import read_npz, write_npz
+from skelsplat.io.poses._opensim import OPENSIM_FILES as OPENSIM_FILES
+from skelsplat.io.poses._opensim import check_opensim as check_opensim
+from skelsplat.io.poses._opensim import write_opensim as write_opensim
 from skelsplat.io.poses._pose_data import ARRAYS, PoseData, Poses
 from skelsplat.io.poses._trc import check_trc_names, read_trc, write_trc
 from skelsplat.io.poses._xarray import check_packages, read_netcdf, room_for, to_xarray, write_netcdf
