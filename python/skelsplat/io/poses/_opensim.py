@@ -19,7 +19,7 @@ from skelsplat.io.poses._trc import write_trc
 OPENSIM_FILES = ("opensim/poses.trc", "opensim/ik_setup.xml", "opensim/kinematics.py")
 _NEEDED = {side + name for side in "LR" for name in ("Shoulder", "Hip", "Knee", "Ankle")}
 # Standard deviation per axis in mm of the distance between a joint without error and the marker of weight 1
-# on Pose2Sim's model, scaled to the person.
+# on Pose2Sim's model, scaled to the person: 23 mm on walks of CMU's database.
 _MODEL_MM = 25.0
 # Pose2Sim's markers of another model, where one of its own, the right hip, is in the middle of the thigh.
 _MARKERS = {"COCO_17": "BODY_25"}
