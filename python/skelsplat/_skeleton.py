@@ -228,7 +228,7 @@ def _turn(part: Part, begin: Array, above: Array, seen: _Seen) -> Array:
     if way.aside:
         ends = [seen.at(names) if names else begin for names in way.aside]
         one, *others = (_unit(b - a) for a, b in pairwise(ends))
-        aside = _PREDICTED * aside + (np.cross(one, others[0]) if others else one)
+        aside = np.cross(one, others[0]) + _PREDICTED * aside if others else one + _TINY * aside
     turn: Array = _axes(along, aside) @ _axes(first, second).T
     return turn
 

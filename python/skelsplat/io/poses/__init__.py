@@ -52,7 +52,7 @@ POSE_FORMATS: dict[str, PoseFormat] = {
     "json": PoseFormat(read_json, write_json),
     "nc": PoseFormat(read_netcdf, write_netcdf, ("frame_rate", "singular"), ("xarray", "h5netcdf", "h5py")),
     "bvh": PoseFormat(None, write_bvh, ("frame_rate", "unit", "up", "limbs")),
-    "glb": PoseFormat(None, write_glb, ("frame_rate", "up", "limbs"), ("pygltflib",)),
+    "glb": PoseFormat(None, write_glb, ("frame_rate", "up", "limbs"), ("pygltflib", "scipy")),
 }
 _OWN_UNIT = ("trc", "c3d", "bvh", "glb")  # these formats do not take any unit
 
@@ -81,10 +81,11 @@ def check_pose_format(
 
 
 def write_pose(path: str | os.PathLike[str], data: Poses, **options: object) -> None:
-    """Write poses in the format that the extension of ``path`` names: npz, csv, trc, c3d, json or nc.
+    """Write poses in the format that the extension of ``path`` names, one of `POSE_FORMATS`.
 
-    ``options`` are those of its writer: ``frame_rate`` (trc, c3d, nc), ``y_up``, ``marker_names`` (trc, c3d),
-    ``unit`` (trc), ``singular`` (nc), ``run`` (npz); None stands for the default.
+    ``options`` are those of its writer: ``frame_rate`` (trc, c3d, nc, bvh, glb), ``y_up``, ``marker_names``
+    (trc, c3d), ``unit`` (trc, bvh), ``up``, ``limbs`` (bvh, glb), ``singular`` (nc), ``run`` (npz); None
+    stands for the default.
     """
     kind = pose_format(path)
     given = {name: value for name, value in options.items() if value is not None}
@@ -118,7 +119,7 @@ def convert_poses(
     """Read the poses in ``source``, write them to ``target``, and return them.
 
     The extensions name the formats; a format keeps what it can hold. `fps` and `unit` are by default those of
-    the source, but the unit is m in TRC and mm in C3D; `fps` changes velocities with it. `y_up`,
+    the source, but the unit is m in TRC and glTF, cm in BVH and mm in C3D; `fps` changes velocities with it. `y_up`,
     `marker_names` (TRC, C3D) and `singular` (NetCDF) are those of the writers.
     """
     source, target = Path(source), Path(target)
@@ -202,7 +203,7 @@ PEOPLE_FORMATS: dict[str, Callable[[str | os.PathLike[str], Mapping[int, PoseDat
 def is_pose_file(path: Path) -> bool:
     """Tell from the name, and for json, csv and npz from the content, whether ``path`` holds poses."""
     kind = path.suffix.lower().removeprefix(".")
-    if kind not in POSE_FORMATS or not path.is_file():
+    if kind not in POSE_FORMATS or POSE_FORMATS[kind].read is None or not path.is_file():
         return False
     if kind == "npz":
         return {"pose", "joint_names", "unit"} <= npz_keys(path)

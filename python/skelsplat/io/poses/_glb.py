@@ -108,7 +108,7 @@ class _File:
         paths = [(0, "translation", self.add(animation.root, "VEC3"))]
         for k, turns in enumerate(np.moveaxis(animation.turns, 1, 0)):
             if animation.skeleton.children(k):
-                paths.append((k, "rotation", self.add(quaternions(turns), "VEC4")))
+                paths.append((k, "rotation", self.add(_quaternions(turns), "VEC4")))
         samplers = [self._gltf.AnimationSampler(input=times, output=output) for _, _, output in paths]
         channels = [
             self._gltf.AnimationChannel(
@@ -138,27 +138,13 @@ class _File:
         return document
 
 
-def quaternions(turns: Array) -> Array:
-    """Return unit quaternions (T, 4), x y z w, of rotations (T, 3, 3), without jumps of sign.
+def _quaternions(turns: Array) -> Array:
+    """Return unit quaternions (T, 4), x y z w, of rotations (T, 3, 3), without jumps of sign."""
+    from scipy.spatial.transform import Rotation
 
-    Every row of 4 q qᵀ is a multiple of q; the longest is the most exact.
-    """
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = np.moveaxis(turns, 0, 2)
-    square = np.array(
-        [
-            [1 + xx - yy - zz, xy + yx, xz + zx, zy - yz],
-            [xy + yx, 1 - xx + yy - zz, yz + zy, xz - zx],
-            [xz + zx, yz + zy, 1 - xx - yy + zz, yx - xy],
-            [zy - yz, xz - zx, yx - xy, 1 + xx + yy + zz],
-        ]
-    )
-    best = np.einsum("iit->ti", square).argmax(axis=1)
-    rows = square[best, :, np.arange(len(turns))]
-    rows /= np.linalg.norm(rows, axis=1, keepdims=True)
-    against = (rows[1:] * rows[:-1]).sum(axis=1) < 0.0
-    signs = np.concatenate([[1.0], np.where(against, -1.0, 1.0)]).cumprod()
-    signed: Array = rows * signs[:, None]
-    return signed
+    values: Array = Rotation.from_matrix(turns).as_quat()
+    values[1:] *= np.where((values[1:] * values[:-1]).sum(axis=1) < 0.0, -1.0, 1.0).cumprod()[:, None]
+    return values
 
 
 def _at_rest(skeleton: Skeleton, root: Array) -> Array:
