@@ -24,7 +24,7 @@ from skelsplat._arrays import Array, Index, Mask
 from skelsplat.exceptions import InvalidInputError
 
 # Weight of the predicted axis of a limb against the sine of its bend.
-_PREDICTED = 0.1
+_PREDICTED = 0.2
 # Two directions of a part below this sine are one.
 _APART = 0.3
 _TINY = 1e-9
