@@ -15,7 +15,7 @@ import pytest
 
 from skelsplat import layouts, synthetic
 from skelsplat.cameras import matrix_from_vector
-from skelsplat.exceptions import InvalidInputError
+from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import FindingWarning
 from skelsplat.io import PoseData, read_pose, write_pose
 
@@ -306,6 +306,12 @@ def test_what_cannot_be_an_animation_is_refused(tmp_path, expected, data):
     with pytest.raises(InvalidInputError, match=rf"^{expected}: expected"):
         write_pose(tmp_path / "walk.bvh", data() or walk(), **options)
     assert not (tmp_path / "walk.bvh").exists()
+
+
+@pytest.mark.parametrize("kind", ["bvh", "glb"])
+def test_a_folder_that_is_not_there_is_an_error(tmp_path, kind):
+    with pytest.raises(DatasetError, match="output"):
+        write_pose(tmp_path / "none" / f"walk.{kind}", walk(), frame_rate=FPS)
 
 
 def test_animations_are_not_read(tmp_path):
