@@ -182,6 +182,7 @@ def _synthetic(folder: Path) -> None:
 
 _SAMPLE_PAGES = (
     *("docs/errors.md", "docs/formats.md", "docs/pose-files.md", "docs/howto/angles.md"),
+    "docs/howto/animation.md",
     *("docs/howto/python.md", "docs/howto/run.md", "docs/howto/config.md"),
 )
 PREPARED: dict[str, Callable[[Path], None]] = {

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelsplat import layouts
-from skelsplat._arrays import Array, numbers
+from skelsplat._arrays import Array, numbers, positive
 from skelsplat._clocks import shifted
 from skelsplat._frozen import frozen, without_frozen
 from skelsplat._placing import Task
@@ -209,6 +209,8 @@ def calibrate_cameras(
     skeleton = layouts.get(layout)
     seen = _recording(detections, len(intrinsics), skeleton)
     blank, focal = _blank(intrinsics)
+    if same_focal and not focal:
+        raise InvalidInputError("same_focal: expected none with K, which states focal lengths")
     options = config or RefineConfig()
     _check_sizes(seen, blank)
     size = _Size.given(stature, distance, [str(camera.name) for camera in blank])
@@ -278,13 +280,11 @@ def _blank(intrinsics: Sequence[Intrinsics | Camera]) -> tuple[list[Camera], boo
 
 def _most_lag(clock: bool, fps: float | None) -> int:
     """Return how many frames clocks may differ by."""
-    if not clock:
-        return 0
-    if fps is None:
+    if fps is not None:
+        positive("fps", fps)
+    elif clock:
         raise InvalidInputError("fps: expected the frame rate to find clocks, got None")
-    if not (math.isfinite(fps) and fps > 0):
-        raise InvalidInputError(f"fps: expected a positive number, got {fps}")
-    return round(_MOST_LAG_S * fps)
+    return round(_MOST_LAG_S * fps) if clock and fps is not None else 0
 
 
 def _doubt_centres(cameras: Sequence[Camera], found: Mapping[str, Array]) -> None:
@@ -371,8 +371,8 @@ class _Size:
         """Return what the user gave, or raise an error that names the argument."""
         lengths = (("stature", stature), ("distance", None if distance is None else distance[2]))
         for argument, metres in lengths:
-            if metres is not None and not (math.isfinite(metres) and metres > 0):
-                raise InvalidInputError(f"{argument}: expected a length in metres, got {metres}")
+            if metres is not None:
+                positive(argument, metres, "length in metres")
         if stature is not None and not _SHORTEST <= stature <= _TALLEST:
             raise InvalidInputError(f"stature: expected metres, {_SHORTEST} to {_TALLEST}, got {stature}")
         if distance is None:

@@ -164,10 +164,20 @@ def test_the_lens_is_found_where_it_is_unknown() -> None:
 
 
 def test_lenses_of_other_images_are_doubted() -> None:
-    half = [altered(camera, K=np.diag([0.8, 0.8, 1.0]) @ np.asarray(camera.K)) for camera in RIG]
-    found = sk.calibrate_cameras(walk(), half, layout=LAYOUT)
-    assert found.doubts == ("lenses",)
-    assert [one.zoom for one in found.report] == pytest.approx([1.25] * 4, rel=0.05)
+    def given(*factors: float) -> sk.RigCalibration:
+        lenses = [
+            np.diag([factor, factor, 1.0]) @ np.asarray(one.K)
+            for one, factor in zip(RIG, factors, strict=True)
+        ]
+        return sk.calibrate_cameras(
+            walk(), [altered(one, K=K) for one, K in zip(RIG, lenses, strict=True)], layout=LAYOUT
+        )
+
+    for wrong in ((0.8,) * 4, (1.0, 1.0, 1.15, 1.0)):
+        found = given(*wrong)
+        assert found.doubts == ("lenses",)
+        assert [one.zoom for one in found.report] == pytest.approx(1 / np.array(wrong), rel=0.05)
+        assert [one.zoom == 1.0 for one in found.report] == [factor == 1.0 for factor in wrong]
     assert [one.zoom for one in known().report] == [1.0] * 4
     zooms = (1.0, 1.0, 1.0, 1.5)
     other = [
@@ -323,6 +333,9 @@ MIXED = [*list(RIG)[:3], BLANK[3]]
         ("fps", {"clock": True, "fps": 0.0}),
         ("stature", {"stature": -1.7}),
         ("stature", {"stature": 175.0}),
+        ("stature", {"stature": "tall"}),
+        ("fps", {"fps": 0}),
+        ("same_focal", {"same_focal": True}),
         ("detections", {"detections": walk()[:, [0, 1, 1, 3]]}),
         ("size", {"intrinsics": [sk.Intrinsics(size=(400, 300)) for _ in RIG]}),
         ("distance", {"distance": ("nobody", 0, 2.0)}),

@@ -94,7 +94,7 @@ def test_what_cannot_be_converted(tmp_path):
     with pytest.raises(sk.DatasetError, match="target"):
         convert_poses(tmp_path / "a.npz", tmp_path / "." / "a.npz")
     with pytest.raises(sk.InvalidInputError, match="path"):
-        convert_poses(tmp_path / "a.npz", tmp_path / "a.bvh")
+        convert_poses(tmp_path / "a.npz", tmp_path / "a.fbx")
     with pytest.raises(sk.InvalidInputError, match="y_up"):
         convert_poses(tmp_path / "a.npz", tmp_path / "a.csv", y_up=True)
     with pytest.raises(sk.DatasetError, match=r"b\.npz: file"):

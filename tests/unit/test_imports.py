@@ -20,7 +20,7 @@ LAYERS = (
     {"io", "viz", "rig_check", "synthetic"},
     {"association", "temporal"},
     {"_people"},
-    {"_sequence", "_angles", "_rig", "_calibrate"},
+    {"_sequence", "_angles", "_rig", "_calibrate", "_skeleton"},
     {"_placing"},
     {"_who"},
     {"_refine", "metrics", "_start", "_world"},

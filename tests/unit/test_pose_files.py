@@ -233,7 +233,7 @@ def test_a_malformed_csv(tmp_path, case):
 # every format
 
 
-@pytest.fixture(params=POSE_FORMATS)
+@pytest.fixture(params=[kind for kind, entry in POSE_FORMATS.items() if entry.read is not None])
 def kind(request):
     for package in POSE_FORMATS[request.param].packages:
         pytest.importorskip(package, reason=f"{package} is not installed")

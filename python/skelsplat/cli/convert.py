@@ -22,7 +22,8 @@ from skelsplat.io.poses import POSE_FORMATS, convert_poses, is_pose_file, pose_f
 
 _EPILOG = (
     f"Calibrations are read from {'; '.join(known.about for known in FORMATS.values())}; they are written as "
-    f".toml (Anipose), .json or .npz. Poses are read and written as .{', .'.join(POSE_FORMATS)}."
+    f".toml (Anipose), .json or .npz. Poses are written as .{', .'.join(POSE_FORMATS)}, and all of these but "
+    f".{' and .'.join(kind for kind, entry in POSE_FORMATS.items() if entry.read is None)} are read."
 )
 _READ = frozenset({"unit", "format", "camera_type", "subject", "size", "binning"})
 _MOST_NAMES = 8
@@ -48,7 +49,7 @@ OPTIONS = (
     *rows(
         """
         Output:
-        --to-unit mm|cm|m  Length unit to write. Pose2Sim takes m, FreeMoCap mm. [that of the input]
+        --to-unit mm|cm|m  Length unit to write. Pose2Sim takes m, FreeMoCap mm. [that of the input; BVH cm]
         --fps HZ  Poses: frames per second.
         --y-up  Poses: write a world with z up as y up.
         --marker-names STYLE  Poses in .trc and .c3d: skelsplat, or pose2sim for RHip instead of right_hip.
@@ -71,6 +72,8 @@ def convert(source: Path, target: Path, *, force: bool, **given: Any) -> Answer:
     skelsplat convert calibration/ Calib.toml --unit m --size 1280x1024
 
     skelsplat convert out walk.c3d --fps 60 --y-up
+
+    skelsplat convert out walk.glb
     """
     given = {name: value for name, value in given.items() if value is not False}
     kind = _kind(source, named="format" in given)

@@ -203,10 +203,10 @@ def _lines(run: Run) -> Iterator[str]:
     yield ""
     bar = number(finite_median(statistics.error_bar_mm), digits)
     scatter = number(finite_median(statistics.scatter_mm), digits)
-    rest = ". This is the scatter alone; it includes no bias of the detector (--joint-bias-mm states one)."
+    rest = ". They include no bias of the detector (--joint-bias-mm states one)."
     if is_biased(run.result):
-        bias = "to which the detector's bias adds in quadrature"
-        rest = f" (against anatomical joints); scatter {scatter} mm, {bias}."
+        others = "the detector's bias" + (" and the cameras' errors" if run.inputs.rig.joint_sigma else "")
+        rest = f" (against anatomical joints); scatter {scatter} mm; the rest is {others}, in quadrature."
     yield from wrap(f"Error bars, one standard deviation per axis: median {bar} mm{rest}", 80)
 
 

@@ -58,8 +58,7 @@ def findings_of(
         yield Finding("cameras_not_adjusted", "warning", subject, remedy=remedy, sentence=sentence)
     sound = len(found.of("sound"))
     if sound and not found.of("adjusted", "late", "doubtful", "knocked"):
-        sentence = f"No camera was adjusted: this recording shows no fault in the {sound} cameras that could "
-        sentence += "be judged."
+        sentence = f"No camera was adjusted: the {sound} cameras that could be judged agree."
         yield Finding("cameras_not_adjusted", "note", numbers={"cameras": sound}, sentence=sentence)
 
 
@@ -113,10 +112,10 @@ def _doubtful(suspected: list[dict[str, Any]], besides: list[str]) -> Finding:
         sentence += "more than half of the cameras have to stay. If you know which were moved, name all of "
         sentence += "them."
     elif len(ways) == 1:
-        sentence = f"{ways[0]} disagrees with the other cameras, and this recording does not tell how it is "
+        sentence = f"{ways[0]} disagrees with the other cameras, but the detections do not tell how it is "
         sentence += "wrong: it was not adjusted. The person has to walk through more of the room."
     else:
-        sentence = f"{listed(ways, 'or')} is wrong, and this recording does not tell which: none of them was "
+        sentence = f"{listed(ways, 'or')} is wrong, but the detections do not tell which: none of them was "
         sentence += "adjusted. If you know, name the one that was moved, or correct the clock of the late "
         sentence += "one. Otherwise record with more cameras, or a person who walks through more of the "
         sentence += "room."

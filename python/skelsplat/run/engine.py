@@ -62,7 +62,7 @@ def run(job: Job, *, progress: Progress = silent, tell: Tell | None = None) -> R
                 outcome = refine_inputs(inputs, job, progress)
         found = summed_up(inputs, outcome, job, notes, gathered)
         if place is not None:
-            return folders.write_folder(found, place, job, gathered=gathered)
+            return folders.write_folder(found, place, job, gathered=gathered, tell=tell)
     return found
 
 
@@ -90,7 +90,7 @@ def run_people(job: Job, *, progress: Progress = silent, tell: Tell | None = Non
         over_people = find_over_people({who: one.findings for who, one in runs.items()}, whole.rig.names)
         findings = in_order([*notes, *everybody.whole.doubts, *over_people])
         found = PeopleRun(runs, findings, build_people_report(everybody, runs, findings, job.people))
-        return found if place is None else folders.write_everybody(found, place, job)
+        return found if place is None else folders.write_everybody(found, place, job, tell)
 
 
 @contextmanager

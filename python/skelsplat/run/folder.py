@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import shutil
 import tempfile
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -18,7 +19,7 @@ from skelsplat._lock import locked
 from skelsplat._optional import can_draw, pip_line
 from skelsplat._words import listed
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.findings import Finding, Remedy, Subject
+from skelsplat.findings import Finding, Remedy, Subject, collected_warnings
 from skelsplat.io import write_people, write_pose
 from skelsplat.io._files import load_json
 from skelsplat.io._run_files import (
@@ -69,7 +70,8 @@ _POSSIBLE = (
 _OF_OTHERS = ("plots", "overlay")
 _OPENSIM = Path(OPENSIM_FILES[0]).parent.name
 _ASSUMED_FPS = 30.0
-_WITH_MARKERS = [kind for kind, entry in POSE_FORMATS.items() if "y_up" in entry.options]
+# formats that state times, which a frame rate has to be assumed for
+_TIMED = [kind for kind, entry in POSE_FORMATS.items() if {"y_up", "up"} & set(entry.options)]
 
 
 def _names(writing: Writing, run: Run) -> list[str]:
@@ -96,7 +98,7 @@ def check_files(writing: Writing, inputs: Inputs) -> None:
 
 def find_in_files(writing: Writing, inputs: Inputs) -> Iterator[Finding]:
     """Yield findings on the files: no vertical, assumed times, no pictures."""
-    timed = tuple(f"pose.{kind}" for kind in writing.pose_formats if kind in _WITH_MARKERS)
+    timed = tuple(f"pose.{kind}" for kind in writing.pose_formats if kind in _TIMED)
     timed = (*timed, ANGLE_FILES[-1]) if writing.angles else timed
     timed = (*timed, OPENSIM_FILES[0]) if writing.opensim else timed
     if (writing.angles or writing.opensim) and vertical_of(inputs.rig) is None:
@@ -127,11 +129,16 @@ def name_of(run: Run, whole: Gathered | None = None) -> str:
 
 
 def write_folder(
-    run: Run, folder: Path, writing: Writing, name: str = "", gathered: Gathered | None = None
+    run: Run,
+    folder: Path,
+    writing: Writing,
+    name: str = "",
+    gathered: Gathered | None = None,
+    tell: Callable[[Finding], None] | None = None,
 ) -> Run:
     """Write the folder of a run, its report last; of a long one all frames are ``gathered``.
 
-    ``name`` is that of a person in a run of several.
+    ``name`` is that of a person in a run of several; ``tell`` is called with findings on the files.
     """
     name = name or name_of(run, gathered)
     names = _names(writing, run)
@@ -144,10 +151,20 @@ def write_folder(
     begin_writing(folder, run.report)
     whole = gathered or run
     rate, frames = run.poses.frame_rate, whole.poses.frames
-    markers = {"y_up": writing.y_up, "marker_names": writing.marker_names}
-    for kind in writing.pose_formats:
-        options = {"frame_rate": rate or _ASSUMED_FPS, **markers} if kind in _WITH_MARKERS else {}
-        write_pose(folder / f"pose.{kind}", whole.poses, **({"run": name} if kind == "npz" else options))
+    every = {
+        "run": name,
+        "y_up": writing.y_up,
+        "marker_names": writing.marker_names,
+        "up": vertical_of(run.cameras),
+        "limbs": run.layout.limbs,
+    }
+    with collected_warnings(tell) as notes:
+        for kind in writing.pose_formats:
+            options = {name: value for name, value in every.items() if name in POSE_FORMATS[kind].options}
+            timed = {"frame_rate": rate or _ASSUMED_FPS} if kind in _TIMED else {}
+            write_pose(folder / f"pose.{kind}", whole.poses, **options, **timed)
+    told = [*run.report["findings"], *(note.to_dict() for note in notes)]
+    run = replace(run, findings=(*run.findings, *notes), report={**run.report, "findings": told})
     if writing.angles:
         write_angles(run, folder, _ASSUMED_FPS)
     if writing.opensim:
@@ -161,7 +178,9 @@ def write_folder(
     return run
 
 
-def write_everybody(run: PeopleRun, folder: Path, writing: Writing) -> PeopleRun:
+def write_everybody(
+    run: PeopleRun, folder: Path, writing: Writing, tell: Callable[[Finding], None] | None = None
+) -> PeopleRun:
     """Write the folders of all people, then the files of everybody, the report last; return the run."""
     names = "".join(name_of(one) for one in run.people.values())
     name = hashlib.sha256(names.encode()).hexdigest()[:16]
@@ -172,7 +191,7 @@ def write_everybody(run: PeopleRun, folder: Path, writing: Writing) -> PeopleRun
     people = {}
     for own, (identity, one) in zip(run.report["folders"], run.people.items(), strict=True):
         with run_folder(folder / own):
-            people[identity] = write_folder(one, folder / own, writing, of_person(name, own))
+            people[identity] = write_folder(one, folder / own, writing, of_person(name, own), tell=tell)
     for together in poses:
         write_people(folder / together, {identity: one.poses for identity, one in run.people.items()})
     if can_draw():

@@ -1,7 +1,7 @@
 //! Cameras from the people who are filmed: a first guess of a rig is adjusted with all cameras
 //! free, by the bundle of [`super::bundle`] from wide kernels to narrow ones.
 
-use nalgebra::Vector3;
+use nalgebra::{DVector, Vector3};
 
 use super::adjust::spread;
 use super::bundle::{Lenses, PER_NOISE};
@@ -42,8 +42,11 @@ const WITHIN: f64 = 4.0;
 const SHOWN: f64 = 4.0;
 /// and by this many frames: less costs little.
 const LEAST_CLOCK: f64 = 0.5;
-/// Likewise a focal length that was given, by this share.
-const LEAST_ZOOM: f64 = 0.03;
+/// The probability that the lens of one camera, or of all, is not the one that was given,
+const WRONG_LENS: f64 = 0.05;
+/// and the standard deviation of the logarithm of its focal length if it is, and if it is not:
+/// another zoom, and another focus.
+const OTHER_LENS: [f64; 2] = [0.1, 0.01];
 
 /// What is unknown besides the cameras' places.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -125,6 +128,15 @@ pub fn calibrate_cameras(
         let distorted = config.undistort;
         Task { given: &given, frames: &used, layout, unknown, distorted }.solve(&start, progress)
     })
+}
+
+/// Odds that a lens is wrong whose focal length seems to be so, in logarithms.
+fn wrong_lens(zoom: f64, variance: f64) -> f64 {
+    let density = |sigma: f64| {
+        let all = variance + sigma.powi(2);
+        (-0.5 * zoom.powi(2) / all).exp() / all.sqrt()
+    };
+    WRONG_LENS * density(OTHER_LENS[0]) / density(OTHER_LENS[1])
 }
 
 /// How well a rig fits.
@@ -213,29 +225,30 @@ impl Task<'_> {
     }
 
     /// By which factors focal lengths that are given, or the same, differ from free ones, which two
-    /// views do not tell: all together, or each.
+    /// views do not tell: those of one camera or of all, whichever is most likely, if it is more
+    /// likely than none.
     fn zooms(&self, views: &[usize], rig: &Explanation, progress: &Progress) -> Result<Vec<f64>> {
-        let mut zooms = vec![1.0; views.len()];
+        let m = views.len();
         let Unknown { focal, same_focal, .. } = self.unknown;
-        if focal && !same_focal || views.len() < 3 {
-            return Ok(zooms);
+        if focal && !same_focal || m < 3 {
+            return Ok(vec![1.0; m]);
         }
-        for same_focal in [true, false].into_iter().filter(|same| !focal || !same) {
-            let unknown = Unknown { focal: true, same_focal, ..self.unknown };
-            let task = Self { unknown, distorted: false, ..*self };
-            let free = task.adjusted(views, rig.cameras.clone(), FEW, 1.0, progress)?;
-            let Some(known) = Sureness::of(&free, task.lenses()) else { break };
-            for (k, bars) in known.bars().iter().enumerate() {
-                let [now, given] = [&free, rig].map(|rig| rig.cameras[k].camera.focal()[0]);
-                if (now / given).ln().abs() > f64::max(LEAST_ZOOM, SHOWN * bars.zoom) {
-                    zooms[k] = now / given;
-                }
-            }
-            if zooms.iter().any(|zoom| *zoom != 1.0) {
-                break;
-            }
-        }
-        Ok(zooms)
+        let unknown = Unknown { focal: true, same_focal: false, ..self.unknown };
+        let task = Self { unknown, distorted: false, ..*self };
+        let free = task.adjusted(views, rig.cameras.clone(), FEW, 1.0, progress)?;
+        let Some(known) = Sureness::of(&free, task.lenses()) else { return Ok(vec![1.0; m]) };
+        let focals = |rig: &Explanation, k: usize| rig.cameras[k].camera.focal()[0];
+        let zooms = DVector::from_fn(m, |k, _| (focals(&free, k) / focals(rig, k)).ln());
+        let one = |k: usize| DVector::from_fn(m, |i, _| if i == k { 1.0 } else { 0.0 });
+        let all = (!focal).then(|| (1.0, DVector::from_element(m, 1.0)));
+        let tried = (0..m).map(|k| (1.0 / m as f64, one(k))).chain(all);
+        let judged = tried.filter_map(|(part, which)| {
+            let [zoom, variance] = known.zoom(&zooms, &which)?;
+            Some((part * wrong_lens(zoom, variance), which * zoom))
+        });
+        let likely = judged.filter(|(odds, _)| *odds > 1.0).max_by(|a, b| a.0.total_cmp(&b.0));
+        Ok(likely
+            .map_or_else(|| vec![1.0; m], |(_, zooms)| zooms.iter().map(|z| z.exp()).collect()))
     }
 
     /// All cameras, also those that do not belong to the rig.

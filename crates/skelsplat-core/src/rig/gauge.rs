@@ -7,11 +7,11 @@
 //! turns and shifts comparable. Joints that follow the cameras by F and move by E in these
 //! directions are off by (I − E (EᵀE)⁻¹ Eᵀ) F θ with all joints aligned.
 
-use nalgebra::{DMatrix, Matrix3, SMatrix, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
 
 use super::bundle::{Follows, Lenses, places};
 use super::evidence::{Bars, bars};
-use super::placed::PARAMETERS;
+use super::placed::{PARAMETERS, ZOOM};
 use super::search::Explanation;
 
 /// Turns, shifts and growth of everything.
@@ -67,6 +67,18 @@ impl Sureness {
         let covariance = &keep * &self.covariance * keep.transpose();
         let all: Vec<(usize, usize)> = (0..q).map(|a| (a / PARAMETERS, a % PARAMETERS)).collect();
         (0..q / PARAMETERS).map(|i| bars(&covariance, &all, i)).collect()
+    }
+
+    /// The part of logarithms of zooms that some cameras share, and its variance, if the
+    /// others' are right. With the estimates d, their covariance C and the cameras u, it is
+    /// (uᵀC⁻¹d) / (uᵀC⁻¹u), with 1 / (uᵀC⁻¹u).
+    pub fn zoom(&self, zooms: &DVector<f64>, which: &DVector<f64>) -> Option<[f64; 2]> {
+        let own =
+            |i: usize, j: usize| self.covariance[(PARAMETERS * i + ZOOM, PARAMETERS * j + ZOOM)];
+        let covariance = DMatrix::from_fn(zooms.len(), zooms.len(), own);
+        let weights = covariance.cholesky()?.solve(which);
+        let information = weights.dot(which);
+        Some([weights.dot(zooms) / information, information.recip()])
     }
 
     /// How far joints that follow the cameras are off with all of them aligned, root mean square

@@ -1,6 +1,7 @@
 """Poses in files: npz and json (everything), csv (tidy), trc and c3d (motion capture), nc (movement).
 
-A format is a module and a row in `POSE_FORMATS`, under its extension; any is converted into any other.
+And skeletons with joint rotations, which are only written: bvh and glb. A format is a module and a row in
+`POSE_FORMATS`, under its extension; any that is read is converted into any other.
 """
 
 from __future__ import annotations
@@ -21,8 +22,11 @@ from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, FindingWarning, Subject
 from skelsplat.io._arrays import npz_keys
 from skelsplat.io._files import head
+from skelsplat.io.poses._animation import check_animation
+from skelsplat.io.poses._bvh import write_bvh
 from skelsplat.io.poses._c3d import c3d_is_y_up, check_c3d, read_c3d, write_c3d
 from skelsplat.io.poses._csv import COLUMNS, csv_text, read_csv, rows_of, write_csv
+from skelsplat.io.poses._glb import write_glb
 from skelsplat.io.poses._json import is_json_poses, people_text, read_json, write_json
 from skelsplat.io.poses._npz import read_npz, write_npz
 from skelsplat.io.poses._opensim import OPENSIM_FILES as OPENSIM_FILES
@@ -37,7 +41,7 @@ from skelsplat.io.poses._xarray import check_packages, read_netcdf, room_for, to
 class PoseFormat:
     """A kind of pose file: how it is read from a path, and written to one with options."""
 
-    read: Callable[[str | os.PathLike[str]], PoseData]
+    read: Callable[[str | os.PathLike[str]], PoseData] | None  # None: it is only written
     write: Callable[..., None]
     options: tuple[str, ...] = ()  # what `write` understands of the keywords of `write_pose`
     packages: tuple[str, ...] = ()  # modules of the extra "formats" that it needs
@@ -50,8 +54,10 @@ POSE_FORMATS: dict[str, PoseFormat] = {
     "c3d": PoseFormat(read_c3d, write_c3d, ("frame_rate", "y_up", "marker_names"), ("ezc3d",)),
     "json": PoseFormat(read_json, write_json),
     "nc": PoseFormat(read_netcdf, write_netcdf, ("frame_rate", "singular"), ("xarray", "h5netcdf", "h5py")),
+    "bvh": PoseFormat(None, write_bvh, ("frame_rate", "unit", "up", "limbs")),
+    "glb": PoseFormat(None, write_glb, ("frame_rate", "up", "limbs"), ("pygltflib", "scipy")),
 }
-_OWN_UNIT = ("trc", "c3d")  # these formats do not take any unit
+_OWN_UNIT = ("trc", "c3d", "bvh", "glb")  # these formats do not take any unit
 
 
 def pose_format(path: str | os.PathLike[str]) -> str:
@@ -73,13 +79,16 @@ def check_pose_format(
         check_c3d(frames, joint_names or ())
     if kind == "trc":
         check_trc_names(joint_names or ())
+    if kind in ("bvh", "glb") and frames is not None:
+        check_animation(frames)
 
 
 def write_pose(path: str | os.PathLike[str], data: Poses, **options: object) -> None:
-    """Write poses in the format that the extension of ``path`` names: npz, csv, trc, c3d, json or nc.
+    """Write poses in the format that the extension of ``path`` names, one of `POSE_FORMATS`.
 
-    ``options`` are those of its writer: ``frame_rate`` (trc, c3d, nc), ``y_up``, ``marker_names`` (trc, c3d),
-    ``unit`` (trc), ``singular`` (nc), ``run`` (npz); None stands for the default.
+    ``options`` are those of its writer: ``frame_rate`` (trc, c3d, nc, bvh, glb), ``y_up``, ``marker_names``
+    (trc, c3d), ``unit`` (trc, bvh), ``up``, ``limbs`` (bvh, glb), ``singular`` (nc), ``run`` (npz); None
+    stands for the default.
     """
     kind = pose_format(path)
     given = {name: value for name, value in options.items() if value is not None}
@@ -93,7 +102,11 @@ def write_pose(path: str | os.PathLike[str], data: Poses, **options: object) -> 
 
 def read_pose(path: str | os.PathLike[str]) -> PoseData:
     """Read poses from a file in the format that its extension names: npz, csv, trc, c3d, json or nc."""
-    return POSE_FORMATS[pose_format(path)].read(path)
+    read = POSE_FORMATS[pose_format(path)].read
+    if read is None:
+        known = ", ".join(f".{name}" for name, entry in POSE_FORMATS.items() if entry.read is not None)
+        raise InvalidInputError(f"path: expected a name that ends in {known}, got {Path(path).name!r}")
+    return read(path)
 
 
 def convert_poses(
@@ -109,7 +122,7 @@ def convert_poses(
     """Read the poses in ``source``, write them to ``target``, and return them.
 
     The extensions name the formats; a format keeps what it can hold. `fps` and `unit` are by default those of
-    the source, but the unit is m in TRC and mm in C3D; `fps` changes velocities with it. `y_up`,
+    the source, but the unit is m in TRC and glTF, cm in BVH and mm in C3D; `fps` changes velocities with it. `y_up`,
     `marker_names` (TRC, C3D) and `singular` (NetCDF) are those of the writers.
     """
     source, target = Path(source), Path(target)
@@ -193,7 +206,7 @@ PEOPLE_FORMATS: dict[str, Callable[[str | os.PathLike[str], Mapping[int, PoseDat
 def is_pose_file(path: Path) -> bool:
     """Tell from the name, and for json, csv and npz from the content, whether ``path`` holds poses."""
     kind = path.suffix.lower().removeprefix(".")
-    if kind not in POSE_FORMATS or not path.is_file():
+    if kind not in POSE_FORMATS or POSE_FORMATS[kind].read is None or not path.is_file():
         return False
     if kind == "npz":
         return {"pose", "joint_names", "unit"} <= npz_keys(path)

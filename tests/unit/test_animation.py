@@ -1,0 +1,320 @@
+"""Animation files: what a plain reader of BVH, pygltflib and Blender find in them."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+
+from skelsplat import layouts, synthetic
+from skelsplat.cameras import matrix_from_vector
+from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.findings import FindingWarning
+from skelsplat.io import PoseData, read_pose, write_pose
+
+FPS, T = 50.0, 40
+JOINTS = {
+    "LeftUpLeg": "left_hip",
+    "LeftLeg": "left_knee",
+    "RightFoot": "right_ankle",
+    "RightArm": "right_shoulder",
+    "LeftForeArm": "left_elbow",
+    "RightHand": "right_wrist",
+}
+
+pytestmark = pytest.mark.filterwarnings("ignore::skelsplat.findings.FindingWarning")
+
+
+def walk(pose=None, layout="h36m17", frames=None, **others):
+    pose = synthetic.motion("walk", T, fps=FPS) if pose is None else pose
+    names = tuple(layouts.get(layout).joints)
+    return PoseData(pose, names, np.arange(len(pose)) if frames is None else frames, "mm", **others)
+
+
+def turn(axis, degrees):
+    """Return rotations about a coordinate axis."""
+    vectors = np.zeros((len(degrees), 3))
+    vectors[:, axis] = np.radians(degrees)
+    return np.stack([matrix_from_vector(vector) for vector in vectors])
+
+
+def read_bvh(path):
+    """Return by joint its places (T, 3) and rotations against the parent, and the time of a frame."""
+    tree, motion = path.read_text().split("MOTION")
+    parents, offsets, stack, name = {}, {}, [], None
+    for line in map(str.split, tree.splitlines()):
+        if line and line[0] in ("ROOT", "JOINT"):
+            name = line[1]
+            parents[name] = stack[-1] if stack else None
+        elif line[:1] == ["End"]:
+            name = None
+        elif line == ["{"]:
+            stack.append(name)
+        elif line == ["}"]:
+            stack.pop()
+        elif line[:1] == ["OFFSET"] and stack[-1] is not None:
+            offsets[stack[-1]] = np.array(line[1:], dtype=float)
+        elif line[:1] == ["CHANNELS"]:
+            assert line[-3:] == ["Zrotation", "Xrotation", "Yrotation"]
+    frames, time, *rows = motion.strip().splitlines()
+    values = np.array([row.split() for row in rows], dtype=float)
+    assert int(frames.split()[1]) == len(values)
+    places, world, own = {}, {}, {}
+    for k, (joint, parent) in enumerate(parents.items()):
+        z, x, y = values[:, 3 + 3 * k : 6 + 3 * k].T
+        own[joint] = turn(2, z) @ turn(0, x) @ turn(1, y)
+        if parent is None:
+            places[joint], world[joint] = values[:, :3], own[joint]
+        else:
+            places[joint] = places[parent] + world[parent] @ offsets[joint]
+            world[joint] = world[parent] @ own[joint]
+    return places, own, offsets, float(time.split()[2])
+
+
+def read_glb(path):
+    """Return by joint its places (T, 3), m, and the times."""
+    gltf = pytest.importorskip("pygltflib", reason="pygltflib is not installed: skelsplat[formats]")
+    transform = pytest.importorskip("scipy.spatial.transform", reason="scipy is not installed")
+    file = gltf.GLTF2().load(str(path))
+
+    def values(accessor):
+        one = file.accessors[accessor]
+        start = file.bufferViews[one.bufferView].byteOffset
+        numbers = np.frombuffer(
+            file.binary_blob(), np.float32, one.count * {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[one.type], start
+        )
+        return numbers.reshape(one.count, -1).astype(float)
+
+    (animation,) = file.animations
+    moves = {}
+    for channel in animation.channels:
+        moves[channel.target.node, channel.target.path] = values(animation.samplers[channel.sampler].output)
+    times = values(animation.samplers[0].input)[:, 0]
+    still = np.tile([0.0, 0.0, 0.0, 1.0], (len(times), 1))
+    places = {}
+
+    def follow(node, begin, world):
+        one = file.nodes[node]
+        shift = moves.get((node, "translation"), np.tile(one.translation, (len(times), 1)))
+        begin = begin + np.einsum("tij,tj->ti", world, shift)
+        world = world @ transform.Rotation.from_quat(moves.get((node, "rotation"), still)).as_matrix()
+        places[one.name] = begin
+        for child in one.children:
+            follow(child, begin, world)
+
+    follow(file.scenes[0].nodes[0], np.zeros((len(times), 3)), np.tile(np.eye(3), (len(times), 1, 1)))
+    return places, times
+
+
+def upright(pose, name, layout="h36m17"):
+    """Return a joint of a world with z up, in one with y up."""
+    return pose[:, layouts.get(layout).joints.index(name)][:, [1, 2, 0]]
+
+
+def test_bvh_places_the_joints_where_the_poses_do(tmp_path):
+    data = walk()
+    write_pose(tmp_path / "walk.bvh", data, frame_rate=FPS)
+    places, own, offsets, time = read_bvh(tmp_path / "walk.bvh")
+    for part, joint in JOINTS.items():
+        np.testing.assert_allclose(10 * places[part], upright(data.pose, joint), atol=1.0)
+    assert time == pytest.approx(1 / FPS)
+    # the rest pose: arms sideways, legs down
+    for part, axis, sign in (
+        ("LeftForeArm", 0, 1),
+        ("RightForeArm", 0, -1),
+        ("LeftLeg", 1, -1),
+        ("Neck", 1, 1),
+    ):
+        direction = offsets[part] / np.linalg.norm(offsets[part])
+        assert direction[axis] * sign == pytest.approx(1.0, abs=1e-6)
+    # knees bend backwards, about x
+    assert all(np.einsum("tii->t", own["LeftLeg"]) <= 3.0)
+    bent = own["LeftLeg"][np.argmin(np.einsum("tii->t", own["LeftLeg"]))]
+    assert bent[1, 2] == pytest.approx(-bent[2, 1], abs=1e-6)
+    assert bent[2, 1] > 0.2
+
+
+@pytest.mark.parametrize("unit", ["m", "mm"])
+def test_bvh_is_in_the_unit_that_is_asked_for(tmp_path, unit):
+    data = walk()
+    write_pose(tmp_path / "walk.bvh", data, frame_rate=FPS, unit=unit)
+    places, *_ = read_bvh(tmp_path / "walk.bvh")
+    factor = {"m": 1000.0, "mm": 1.0}[unit]
+    np.testing.assert_allclose(factor * places["LeftFoot"], upright(data.pose, "left_ankle"), atol=1.0)
+
+
+def test_glb_and_bvh_say_the_same(tmp_path):
+    for kind in ("bvh", "glb"):
+        write_pose(tmp_path / f"walk.{kind}", walk(), frame_rate=FPS)
+    places, *_ = read_bvh(tmp_path / "walk.bvh")
+    in_metres, times = read_glb(tmp_path / "walk.glb")
+    assert in_metres.keys() == places.keys()
+    for part, place in places.items():
+        np.testing.assert_allclose(100 * in_metres[part], place, atol=2e-3)
+    np.testing.assert_allclose(times, np.arange(T) / FPS, atol=1e-6)
+
+
+BLENDER = """
+import json, sys
+import bpy
+folder, parts = sys.argv[-2], json.loads(sys.argv[-1])
+for kind in ("bvh", "glb"):
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    if kind == "bvh":
+        bpy.ops.import_anim.bvh(filepath=f"{folder}/walk.bvh", global_scale=0.01)
+    else:
+        bpy.ops.import_scene.gltf(filepath=f"{folder}/walk.glb")
+    scene, found = bpy.context.scene, {}
+    (armature,) = (one for one in bpy.data.objects if one.type == "ARMATURE")
+    for t in (0, 17, 39):
+        frame = 1 + t if kind == "bvh" else t / 50.0 * scene.render.fps
+        scene.frame_set(int(frame), subframe=frame - int(frame))
+        found[t] = {part: list(armature.matrix_world @ armature.pose.bones[part].head) for part in parts}
+    open(f"{folder}/{kind}.json", "w").write(json.dumps(found))
+"""
+
+
+def test_blender_reads_both(tmp_path):
+    """By its program, or by a Python with its package bpy, which needs an older NumPy than the tests."""
+    python = os.environ.get("PYTHON_WITH_BPY") or (sys.executable if find_spec("bpy") else None)
+    program = shutil.which("blender")
+    if not (program or python):
+        pytest.skip("Blender is not installed, and PYTHON_WITH_BPY names no Python that has bpy")
+    for kind in ("bvh", "glb"):
+        write_pose(tmp_path / f"walk.{kind}", walk(), frame_rate=FPS)
+    (tmp_path / "read.py").write_text(BLENDER)
+    start = [program, "--background", "--python"] if program else [python]
+    given = [str(tmp_path / "read.py"), *(["--"] if program else []), str(tmp_path), json.dumps([*JOINTS])]
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    subprocess.run([*start, *given], check=True, capture_output=True, env=environment)
+    places, *_ = read_bvh(tmp_path / "walk.bvh")
+    for kind in ("bvh", "glb"):
+        for t, found in json.loads((tmp_path / f"{kind}.json").read_text()).items():
+            for part, (x, y, z) in found.items():
+                np.testing.assert_allclose([x, z, -y], places[part][int(t)] / 100, atol=1e-3)
+
+
+def test_an_arm_that_is_stretched_does_not_twist(tmp_path):
+    """The plane of the elbow is lost where the arm is straight."""
+    pose = np.repeat(synthetic.motion("walk", 1, fps=FPS), 60, axis=0)
+    names = ("right_shoulder", "left_shoulder", "left_elbow", "left_wrist")
+    right, shoulder, elbow, wrist = map(layouts.get("h36m17").joints.index, names)
+    upper = pose[0, elbow] - pose[0, shoulder]
+    upper /= np.linalg.norm(upper)
+    ahead = np.cross(upper, pose[0, right] - pose[0, shoulder])
+    ahead /= -np.linalg.norm(ahead)
+    bend = np.radians(60) * np.abs(np.linspace(-1, 1, 60))[:, None]
+    pose[:, wrist] = pose[:, elbow] + 250 * (np.cos(bend) * upper + np.sin(bend) * ahead)
+    pose[:, wrist] += np.random.default_rng(0).normal(0, 3, (60, 3))
+    write_pose(tmp_path / "arm.bvh", walk(pose), frame_rate=FPS)
+    _, own, _, _ = read_bvh(tmp_path / "arm.bvh")
+    cosines = (np.einsum("tij,tij->t", own["LeftArm"][1:], own["LeftArm"][:-1]) - 1) / 2
+    assert np.degrees(np.arccos(np.clip(cosines, -1, 1))).max() < 15.0
+
+
+def test_gaps_are_interpolated(tmp_path):
+    pose, wrist = synthetic.motion("walk", T, fps=FPS), layouts.get("h36m17").joints.index("left_wrist")
+    whole = walk(pose)
+    holes = pose.copy()
+    holes[12:15, wrist] = np.nan
+    kept = np.array([t for t in range(T) if t not in (20, 21)])
+    for name, data in (("whole", whole), ("holes", walk(holes[kept], frames=7 + kept))):
+        write_pose(tmp_path / f"{name}.bvh", data, frame_rate=FPS)
+    places = [read_bvh(tmp_path / f"{name}.bvh")[0]["LeftHand"] for name in ("whole", "holes")]
+    assert places[0].shape == places[1].shape
+    np.testing.assert_allclose(places[1], places[0], atol=2.0)
+
+
+def test_every_so_many_th_frame_has_its_own_rate(tmp_path):
+    write_pose(tmp_path / "walk.bvh", walk(frames=5 * np.arange(T)), frame_rate=FPS)
+    places, _, _, time = read_bvh(tmp_path / "walk.bvh")
+    assert len(places["Hips"]) == T
+    assert time == pytest.approx(5 / FPS)
+
+
+@pytest.mark.parametrize("layout", ["mouse22", "fly38", "hand21"])
+def test_animals_and_hands_have_their_joints(tmp_path, layout):
+    joints = layouts.get(layout).joints
+    body = np.random.default_rng(0).normal(0, 100, (len(joints), 3))
+    turns = turn(2, np.linspace(0, 90, 20)) @ turn(0, np.linspace(0, 20, 20))
+    pose = np.einsum("tij,nj->tni", turns, body) + np.linspace(0, 300, 20)[:, None, None]
+    write_pose(tmp_path / "animal.bvh", walk(pose, layout), frame_rate=FPS, unit="mm")
+    places, *_ = read_bvh(tmp_path / "animal.bvh")
+    assert set(places) == set(joints)
+    for joint in joints:
+        np.testing.assert_allclose(places[joint], upright(pose, joint, layout), atol=0.05)
+
+
+@pytest.mark.parametrize("layout", ["coco17", "body25", "halpe26", "mediapipe33", "wholebody133"])
+def test_people_of_other_layouts_have_what_these_have(tmp_path, layout):
+    joints = layouts.get(layout).joints
+    body = np.random.default_rng(1).normal(0, 300, (len(joints), 3))
+    pose = np.einsum("tij,nj->tni", turn(2, np.linspace(0, 60, 10)), body)
+    write_pose(tmp_path / "body.bvh", walk(pose, layout), frame_rate=FPS)
+    places, *_ = read_bvh(tmp_path / "body.bvh")
+    own = {**JOINTS, "LeftToeBase": "left_big_toe", "LeftHandIndex3": "left_forefinger3", "Nose": "nose"}
+    own["RightToeBase"] = "right_foot_index"
+    for part, joint in own.items():
+        if joint in joints:
+            np.testing.assert_allclose(10 * places[part], upright(pose, joint, layout), atol=0.01)
+    assert ("LeftHandIndex3" in places) == (layout == "wholebody133")
+
+
+def test_another_vertical_becomes_y(tmp_path):
+    pose = synthetic.motion("walk", T, fps=FPS)
+    tilted = pose @ matrix_from_vector(np.array([0.7, -1.1, 0.4])).T
+    up = matrix_from_vector(np.array([0.7, -1.1, 0.4])) @ [0.0, 0.0, 1.0]
+    write_pose(tmp_path / "walk.bvh", walk(tilted), frame_rate=FPS, up=up)
+    places, *_ = read_bvh(tmp_path / "walk.bvh")
+    np.testing.assert_allclose(10 * places["LeftHand"][:, 1], upright(pose, "left_wrist")[:, 1], atol=1.0)
+
+
+def test_what_constant_bones_cost_is_said(tmp_path):
+    longer = synthetic.motion("walk", T, fps=FPS)
+    ankle = layouts.get("h36m17").joints.index("left_ankle")
+    knee = layouts.get("h36m17").joints.index("left_knee")
+    longer[:, ankle] += 0.2 * np.linspace(-1, 1, T)[:, None] * (longer[:, ankle] - longer[:, knee])
+    with pytest.warns(FindingWarning) as told:
+        write_pose(tmp_path / "walk.bvh", walk(longer), frame_rate=FPS)
+    (finding,) = (one.message.finding for one in told)
+    assert finding.kind == "bones_constant"
+    assert finding.numbers["median_mm"] < 3.0
+    shin = np.linalg.norm(longer[:, ankle] - longer[:, knee], axis=1)
+    places, *_ = read_bvh(tmp_path / "walk.bvh")
+    own = np.linalg.norm(10 * (places["LeftFoot"] - places["LeftLeg"]), axis=1)
+    np.testing.assert_allclose(own, np.median(shin), rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("expected", "data"),
+    [
+        ("frames", lambda: walk(frames=np.concatenate([np.arange(T - 1), [10**6]]))),
+        ("pose", lambda: walk(np.full((T, 17, 3), np.nan))),
+        ("joint_names", lambda: PoseData(np.zeros((T, 2, 3)), ("a", "b"), np.arange(T), "mm")),
+        ("frame_rate", lambda: None),
+    ],
+)
+def test_what_cannot_be_an_animation_is_refused(tmp_path, expected, data):
+    options = {} if expected == "frame_rate" else {"frame_rate": FPS}
+    with pytest.raises(InvalidInputError, match=rf"^{expected}: expected"):
+        write_pose(tmp_path / "walk.bvh", data() or walk(), **options)
+    assert not (tmp_path / "walk.bvh").exists()
+
+
+@pytest.mark.parametrize("kind", ["bvh", "glb"])
+def test_a_folder_that_is_not_there_is_an_error(tmp_path, kind):
+    with pytest.raises(DatasetError, match="output"):
+        write_pose(tmp_path / "none" / f"walk.{kind}", walk(), frame_rate=FPS)
+
+
+def test_animations_are_not_read(tmp_path):
+    write_pose(tmp_path / "walk.bvh", walk(), frame_rate=FPS)
+    with pytest.raises(InvalidInputError, match=re.escape("expected a name that ends in .npz")):
+        read_pose(tmp_path / "walk.bvh")
