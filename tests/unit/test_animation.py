@@ -269,9 +269,8 @@ def test_people_of_other_layouts_have_what_these_have(tmp_path, layout):
 
 def test_another_vertical_becomes_y(tmp_path):
     pose = synthetic.motion("walk", T, fps=FPS)
-    tilted = pose @ matrix_from_vector(np.array([0.7, -1.1, 0.4])).T
-    up = matrix_from_vector(np.array([0.7, -1.1, 0.4])) @ [0.0, 0.0, 1.0]
-    write_pose(tmp_path / "walk.bvh", walk(tilted), frame_rate=FPS, up=up)
+    turned = pose[..., [0, 2, 1]] * [1.0, -1.0, 1.0]  # y is down, as for a camera
+    write_pose(tmp_path / "walk.bvh", walk(turned), frame_rate=FPS, up=[0.0, -1.0, 0.0])
     places, *_ = read_bvh(tmp_path / "walk.bvh")
     np.testing.assert_allclose(10 * places["LeftHand"][:, 1], upright(pose, "left_wrist")[:, 1], atol=1.0)
 

@@ -101,9 +101,11 @@ def find_in_files(writing: Writing, inputs: Inputs) -> Iterator[Finding]:
     timed = tuple(f"pose.{kind}" for kind in writing.pose_formats if kind in _TIMED)
     timed = (*timed, ANGLE_FILES[-1]) if writing.angles else timed
     timed = (*timed, OPENSIM_FILES[0]) if writing.opensim else timed
-    if (writing.angles or writing.opensim) and vertical_of(inputs.rig) is None:
+    turned = ["opensim/"] if writing.opensim else []
+    turned += [f"pose.{kind}" for kind in writing.pose_formats if "up" in POSE_FORMATS[kind].options]
+    if (writing.angles or turned) and vertical_of(inputs.rig) is None:
         effects = ["angles of trunk and pelvis are left out"] if writing.angles else []
-        effects += ["the nearest one is y in opensim/"] if writing.opensim else []
+        effects += [f"the nearest one is y in {listed(turned)}"] if turned else []
         words = f"The cameras do not show which axis of the world is vertical: {listed(effects)}."
         yield Finding("vertical_unknown", "note", sentence=words)
     if timed and inputs.fps is None:
@@ -155,7 +157,7 @@ def write_folder(
         "run": name,
         "y_up": writing.y_up,
         "marker_names": writing.marker_names,
-        "up": vertical_of(run.cameras),
+        "up": world_up(run.cameras),
         "limbs": run.layout.limbs,
     }
     with collected_warnings(tell) as notes:

@@ -122,8 +122,8 @@ def convert_poses(
     """Read the poses in ``source``, write them to ``target``, and return them.
 
     The extensions name the formats; a format keeps what it can hold. `fps` and `unit` are by default those of
-    the source, but the unit is m in TRC and glTF, cm in BVH and mm in C3D; `fps` changes velocities with it. `y_up`,
-    `marker_names` (TRC, C3D) and `singular` (NetCDF) are those of the writers.
+    the source, but the unit is m in TRC and glTF, cm in BVH and mm in C3D; `fps` changes velocities with it.
+    `y_up`, `marker_names` (TRC, C3D) and `singular` (NetCDF) are those of the writers.
     """
     source, target = Path(source), Path(target)
     kind = pose_format(target)

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelsplat import layouts
-from skelsplat._arrays import Array, Index, numbers
+from skelsplat._arrays import Index, numbers
 from skelsplat._skeleton import Animation, animate, is_person
 from skelsplat._words import number
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.findings import Finding, warn
-from skelsplat.io.poses._pose_data import Y_UP, PoseData, Poses, known_frame_rate, parts_of
+from skelsplat.io.poses._markers import with_y_up
+from skelsplat.io.poses._pose_data import PoseData, Poses, known_frame_rate, parts_of
 
 Bones = Sequence[tuple[int, int]]
 
@@ -40,7 +41,7 @@ def animated(
     points = np.concatenate([part.pose for part in parts]) * (MM_PER_UNIT[head.unit] / MM_PER_UNIT[unit])
     step = _step(frames)
     every = np.full(((int(frames[-1]) - int(frames[0])) // step + 1, *points.shape[1:]), np.nan)
-    every[(frames - frames[0]) // step] = _upright(points, _Z if up is None else numbers(up, "up"))
+    every[(frames - frames[0]) // step] = points @ with_y_up(_Z if up is None else numbers(up, "up")).T
     animation, seen = animate(every, head.joint_names, _bones(head, limbs), rate / step)
     off = MM_PER_UNIT[unit] * np.linalg.norm(animation.places - seen, axis=2)
     median, most = (round(float(np.percentile(off, part)), 3) for part in (50, 95))
@@ -76,15 +77,3 @@ def _bones(data: PoseData, limbs: Bones | None) -> Bones:
             return layout.limbs
     expected = "those of a person or of a built-in layout, or poses over time, which have bones"
     raise InvalidInputError(f"joint_names: expected {expected}, got {', '.join(data.joint_names[:4])}, …")
-
-
-def _upright(points: Array, up: Array) -> Array:
-    """Return points (T, N, 3) of a world with this direction up in one with y up."""
-    turned: Array = points[..., Y_UP]
-    y = up[Y_UP] / np.linalg.norm(up)
-    if y[1] > 1.0 - 1e-12:
-        return turned
-    first = np.eye(3)[int(np.abs(y).argmin())]
-    x = np.cross(y, first) / np.linalg.norm(np.cross(y, first))
-    upright: Array = turned @ np.stack([x, y, np.cross(x, y)], axis=1)
-    return upright

@@ -33,8 +33,8 @@ def write_bvh(
     turn about z, then the new x and y, in degrees, and are continuous.
 
     ``frame_rate`` is by default that of `data`, ``unit`` ``"m"``, ``"cm"`` or ``"mm"``; ``up`` (3,) is the
-    vertical of the poses' world, by default z. ``limbs`` are the pairs of joints that bones of an animal
-    connect, by default those of `data` or of the built-in layout with its joints.
+    axis of the poses' world that is up, with its sign, by default z. ``limbs`` are the pairs of joints that
+    bones of an animal connect, by default those of `data` or of the built-in layout with its joints.
     """
     animation = animated(data, "BVH", frame_rate, unit, up, limbs)
     angles = _angles(animation.turns[:, [*_order(animation.skeleton, 0)]])

@@ -140,9 +140,8 @@ class _File:
 
 def _quaternions(turns: Array) -> Array:
     """Return unit quaternions (T, 4), x y z w, of rotations (T, 3, 3), without jumps of sign."""
-    from scipy.spatial.transform import Rotation
-
-    values: Array = Rotation.from_matrix(turns).as_quat()
+    transform = require("scipy.spatial.transform", ".glb files")
+    values: Array = transform.Rotation.from_matrix(turns).as_quat()
     values[1:] *= np.where((values[1:] * values[:-1]).sum(axis=1) < 0.0, -1.0, 1.0).cumprod()[:, None]
     return values
 

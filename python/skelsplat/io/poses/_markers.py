@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelsplat._angles import TOES
+from skelsplat._arrays import Array
 from skelsplat.exceptions import one_of
 from skelsplat.io.poses._pose_data import PoseData
 
@@ -65,6 +66,18 @@ def ik_model(joint_names: Sequence[str]) -> str:
         return 2 * len(shared) - len(setup.weights)
 
     return max(IK_SETUPS, key=fit)
+
+
+def with_y_up(up: Array) -> Array:
+    """Return the rotation (3, 3) of a world with this axis up (3,), or down, into one with y up.
+
+    Where z is up, that is `Y_UP`.
+    """
+    axis = int(np.argmax(np.abs(up)))
+    turn: Array = np.eye(3)[[(axis + 2) % 3, axis, (axis + 1) % 3]]
+    if up[axis] < 0:
+        turn[1:] *= -1.0
+    return turn
 
 
 def marker_names(joint_names: Sequence[str], convention: str) -> tuple[str, ...]:

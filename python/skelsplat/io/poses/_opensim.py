@@ -12,7 +12,7 @@ from skelsplat._atomic import atomic_write_text
 from skelsplat._skelsplat import Layout
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.io.poses._markers import IK_SETUPS, as_markers, ik_model, marker_names
+from skelsplat.io.poses._markers import IK_SETUPS, as_markers, ik_model, marker_names, with_y_up
 from skelsplat.io.poses._pose_data import PoseData, known_frame_rate
 from skelsplat.io.poses._trc import write_trc
 
@@ -66,13 +66,8 @@ def write_opensim(folder: Path, data: PoseData, up: Array, frame_rate: float | N
 
 def _turned(data: PoseData, up: Array) -> PoseData:
     """Return the positions with y up, and their scatter."""
-    axis = int(np.argmax(np.abs(up)))
-    turn = np.eye(3)[[(axis + 2) % 3, axis, (axis + 1) % 3]]
-    if up[axis] < 0:
-        turn[1:] *= -1.0
-    return PoseData(
-        data.pose @ turn.T, data.joint_names, data.frames, data.unit, uncertainty=data.uncertainty
-    )
+    pose = data.pose @ with_y_up(up).T
+    return PoseData(pose, data.joint_names, data.frames, data.unit, uncertainty=data.uncertainty)
 
 
 def _scatter_mm(markers: PoseData, seen: Mask) -> Array:
