@@ -224,6 +224,19 @@ def test_easymocap_by_folder_or_by_either_file(tmp_path, views, given, header):
     np.testing.assert_allclose(sk.project(files.points() / 1000, rig), files.projected(views), atol=FULL)
 
 
+def test_easymocap_has_the_cameras_that_are_in_both_files(tmp_path, views):
+    files.easymocap(tmp_path, views)
+    every = (tmp_path / "intri.yml").read_text()
+    files.easymocap(tmp_path, views[:3])
+    (tmp_path / "intri.yml").write_text(every)
+    with pytest.warns(UserWarning, match=f"{NAMES[3]}: not in both"):
+        assert read_calibration(tmp_path, unit="m").names == tuple(NAMES[:3])
+    files.easymocap(tmp_path, [replace(views[0], name="other")])
+    (tmp_path / "intri.yml").write_text(every)
+    with pytest.raises(sk.DatasetError, match=r"extri\.yml: names"):
+        read_calibration(tmp_path, unit="m")
+
+
 def test_easymocap_as_its_own_program_writes_it(tmp_path):
     def matrix(key, rows, cols, data):
         return f"{key}: !!opencv-matrix\r\n  rows: {rows}\r\n  cols: {cols}\r\n  dt: d\r\n  data: {data}\r\n"

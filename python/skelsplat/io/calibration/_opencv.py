@@ -17,8 +17,9 @@ import numpy as np
 from skelsplat._budget import check_document, read_text
 from skelsplat._fields import Field
 from skelsplat.exceptions import DatasetError
+from skelsplat.findings import Finding, warn
 from skelsplat.io._files import natural
-from skelsplat.io.calibration._entries import lens_of, rotation_of
+from skelsplat.io.calibration._entries import cameras_of, lens_of, rotation_of
 from skelsplat.io.calibration._format import CalibrationFormat, Parsed, RawCamera, Source
 
 _PASSED_OVER = re.compile(r"%YAML.*|#.*|---|\.\.\.|")
@@ -124,7 +125,7 @@ def _parse_easymocap(source: Source) -> Parsed:
     ``names`` lists the cameras. ``intri.yml`` has ``K_NAME`` 3×3, ``dist_NAME`` or ``D_NAME``, and often
     ``H_NAME`` and ``W_NAME``, the image's height and width; ``extri.yml`` has ``Rot_NAME`` 3×3 or ``R_NAME``
     (Rodrigues vector), and ``T_NAME``, world → camera. Given is the folder or either file; a file of another
-    name holds everything. The length unit is that of the board that was calibrated with.
+    name holds everything. Cameras are those in both. The length unit is that of the board.
     """
     path = source.path
     if source.is_folder:
@@ -133,9 +134,22 @@ def _parse_easymocap(source: Source) -> Parsed:
         own = next((part for part in _PAIR if part in path.name), None)
         pair = [path.with_name(path.name.replace(own, part)) if own else path for part in _PAIR]
     intri, extri = map(_entries, pair)
-    known = [key.removeprefix("K_") for key in intri.value if key.startswith("K_")]
-    names = intri["names"].names() if "names" in intri else known
-    return [_easymocap_camera(intri, extri, name) for name in names], None
+    names, placed = _easymocap_names(intri, "K_"), _easymocap_names(extri, "T_")
+    both = [name for name in names if name in placed]
+    if names and not both:
+        raise extri["names"].error(f"cameras of {intri.path.name}: {', '.join(names)}", ", ".join(placed))
+    if left := [name for name in dict.fromkeys((*names, *placed)) if name not in both]:
+        words = (
+            f"{path}: {', '.join(left)}: not in both of {' and '.join(file.name for file in pair)}, left out."
+        )
+        warn(Finding("calibration_read_as", "note", cameras_of(path, left), sentence=words))
+    return [_easymocap_camera(intri, extri, name) for name in both], None
+
+
+def _easymocap_names(document: Field, prefix: str) -> list[str]:
+    """Return the cameras that a file lists, or for which it has a matrix of this prefix."""
+    known = [key.removeprefix(prefix) for key in document.value if key.startswith(prefix)]
+    return document["names"].names() if "names" in document else known
 
 
 def _entries(path: Path) -> Field:

@@ -48,7 +48,13 @@ _ANIPOSE, _PROJECT, _LEVELS = "calibration.toml", "config.toml", 4
 
 def _is_toml(source: Source) -> bool:
     other = source.suffix == ".json" or source.start.startswith(("<", "{", "%YAML"))
-    return not other and _TOML_LINE.search(source.text) is not None
+    if other or _TOML_LINE.search(source.text) is None:
+        return False
+    if source.suffix == ".toml":
+        return True
+    with suppress(DatasetError):  # many a text has lines with an equals sign
+        return bool(source.toml.value)
+    return False
 
 
 def _is_anipose(source: Source) -> bool:
