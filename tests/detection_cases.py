@@ -56,6 +56,7 @@ CASES = {
     "videopose3d_custom": Case(
         files.videopose3d_custom, "videopose3d", precision=np.float32, layout="coco17", **_ALONE
     ),
+    "wide_csv": Case(files.wide_csv, "wide_csv", people=False),
     "npz": Case(files.npz, "npz"),
     "npz_cameras": Case(files.npz_cameras, "npz"),
     "csv": Case(files.plain_csv, "csv"),

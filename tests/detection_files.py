@@ -398,3 +398,21 @@ def plain_csv_cameras(root: Path, take: Take) -> Path:
     for name, view in take.views():
         write_csv(root / f"{name}.csv", list(csv_lines(view, places, take.first)))
     return root
+
+
+def wide_csv(root: Path, take: Take) -> Path:
+    for name, view in take.views():
+        lines = [
+            {
+                "frame": take.first + t,
+                "timestamp": (take.first + t) / 30,
+                **{
+                    f"{joint}_{part}": "" if np.isnan(value) else value
+                    for joint, values in zip(take.joints, frame[0], strict=True)
+                    for part, value in zip(("x", "y", "likelihood"), values, strict=True)
+                },
+            }
+            for t, frame in enumerate(view)
+        ]
+        write_csv(root / f"{name}.csv", lines)
+    return root

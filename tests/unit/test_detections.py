@@ -131,3 +131,28 @@ def test_zeros_with_a_confidence_are_missing_if_there_are_several(tmp_path):
     found = read_detections(path, NAMES, layout="h36m17").people
     people[0, 0, 0, 3] = people[2, 0, 1, 5] = np.nan
     np.testing.assert_array_equal(found, people)
+
+
+def test_a_wide_csv_of_mediapipe_has_parts_of_the_image_and_places(tmp_path):
+    rng = np.random.default_rng(2)
+    K = np.diag([900.0, 900.0, 1.0])
+    rig = sk.CameraRig(
+        [sk.Camera(K=K, R=np.eye(3), t=[i, 0, 5], size=(1920, 1080), name=f"cam{i}") for i in (1, 2)]
+    )
+    values = rng.uniform(0.1, 0.9, (3, 2, 33, 4))
+    header = ",".join(f"L{k}_{part}" for k in range(33) for part in ("x", "y", "z", "visibility"))
+    for m, name in enumerate(rig.names):
+        np.savetxt(
+            tmp_path / f"{name}.csv", values[:, m].reshape(3, -1), "%.17g", ",", header=header, comments=""
+        )
+    found = read_detections(tmp_path, rig)
+    assert (found.format, found.layout) == ("wide_csv", "mediapipe33")
+    np.testing.assert_array_equal(found.people[:, :, 0], values[..., [0, 1, 3]] * [1920, 1080, 1])
+    with pytest.raises(sk.DatasetError, match="keypoints: expected pixels"):
+        read_detections(tmp_path, rig.names)
+
+
+def test_a_csv_of_points_in_3d_is_no_detections(tmp_path):
+    (tmp_path / "cam1.csv").write_text("frame,nose_x,nose_y,nose_z\n0,1,2,3\n")
+    with pytest.raises(sk.DatasetError, match="content"):
+        read_detections(tmp_path, ["cam1"])

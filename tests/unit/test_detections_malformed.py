@@ -168,6 +168,12 @@ MALFORMED = {
         (lambda b: b.npz(detections=b.array("detections") * 2.0), r"detections\[0, 0, 0, \d+\]"),
         (lambda b: b.npz(confidence=np.ones((T, 2, 2, K))), "confidence"),
     ],
+    "wide_csv": [
+        (cut_text(60), "line 4"),
+        (lambda b: b.text("\n1,", "\n0,"), "frame"),
+        (lambda b: b.text("nose_x", "nose_y"), "line 1"),
+        (lambda b: b.text("\n0,0.0,", "\n0,0.0,a"), "line 2, pelvis_x"),
+    ],
     "csv": [
         (cut_text(60), "line 205"),
         (lambda b: b.text(",person,", ",who,"), "frame 0"),

@@ -157,7 +157,10 @@ def open_detections(
         else:
             labels = match_by_order(there, names, order, left_out=left_out, otherwise=advice)
         labels = {name: labels[name] for name in kept}
-        views = read(labels)
+        sizes = {
+            name: one.size for name, one in zip(names, cameras, strict=True) if isinstance(one, sk.Camera)
+        }
+        views = {name: view.in_pixels(sizes.get(name)) for name, view in read(labels).items()}
         numbers = shared_frames(root, there.kind, views, labels, frames, shifts)
         chosen = choose_layout(layout, views.values(), root, form.name)
     return Opened(root, views, labels, numbers, shifts, chosen, check_mapping(mapping, chosen), form.name)
