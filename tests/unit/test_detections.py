@@ -8,7 +8,7 @@ import pytest
 import skelsplat as sk
 from broken_detections import NAMES, anybody, write_case
 from detection_cases import CASES
-from detection_files import Take
+from detection_files import Take, slp_file
 from skelsplat.io import read_detections
 
 T = 4
@@ -156,3 +156,36 @@ def test_a_csv_of_points_in_3d_is_no_detections(tmp_path):
     (tmp_path / "cam1.csv").write_text("frame,nose_x,nose_y,nose_z\n0,1,2,3\n")
     with pytest.raises(sk.DatasetError, match="content"):
         read_detections(tmp_path, ["cam1"])
+
+
+@pytest.mark.filterwarnings("ignore:The layout is that")
+@pytest.mark.parametrize("track", [-1, 3])
+def test_a_users_instance_in_sleaps_project_replaces_its_prediction(tmp_path, track):
+    people = anybody()[:, :, :1]
+    people[1, 0, 0, 4] = np.nan
+    joints = [f"node{k}" for k in range(17)]
+    take = Take(people, NAMES, joints)
+    slp_file(tmp_path / "labels.slp", take, [0, 1], users=[0], track=track)
+    found = read_detections(tmp_path / "labels.slp", NAMES, layout="file")
+    assert found.skeleton.joints == tuple(joints[::-1])
+    assert found.skeleton.limbs == ((14, 16), (16, 15))
+    people[..., 2] = np.where(np.isfinite(people[..., 0]), 1.0, np.nan)
+    np.testing.assert_array_equal(found.people, people[..., ::-1, :])
+
+
+@pytest.mark.filterwarnings("ignore:The layout is that")
+def test_sleaps_pixels_were_corners_before_version_1_1(tmp_path):
+    people = anybody()[:, :, :1]
+    slp_file(
+        tmp_path / "labels.slp", Take(people, NAMES, [f"n{k}" for k in range(17)]), [0, 1], format_id=1.0
+    )
+    found = read_detections(tmp_path / "labels.slp", NAMES, layout="file").people
+    np.testing.assert_allclose(found[..., :2], people[..., ::-1, :2] - 0.5, atol=1e-12)
+
+
+@pytest.mark.filterwarnings("ignore:The layout is that")
+def test_nwb_states_rate_and_edges(tmp_path, people):
+    path, _ = written("ndx_pose", tmp_path, people)
+    found = read_detections(path, CAMERAS, layout="file")
+    assert found.frame_rate == pytest.approx(30.0, rel=1e-5)
+    assert (0, 1) in found.skeleton.limbs

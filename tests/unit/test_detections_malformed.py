@@ -133,6 +133,22 @@ MALFORMED = {
         (lambda b: b.h5(lambda file: file["tracks"].attrs.update(dims='["frame", "x"]')), "tracks"),
         (dataset("node_names", lambda old: np.repeat(old[:1], 17)), "node_names"),
     ],
+    "sleap_slp": [
+        (lambda b: b.file.write_bytes(b.file.read_bytes()[:3000]), "file"),
+        (lambda b: b.h5(lambda file: file.__delitem__("pred_points")), "pred_points"),
+        (lambda b: b.h5(lambda file: file.__delitem__("metadata")), "JSON"),
+        (lambda b: b.h5(lambda file: file["metadata"].attrs.update(json="{}")), "skeletons"),
+        (dataset("pred_points", lambda old: old[:-1]), r"instances\[\d+\]"),
+        (dataset("instances", lambda old: old[:-1]), "frames"),
+        (dataset("frames", lambda old: old["video"]), "frames"),
+    ],
+    "ndx_pose": [
+        (lambda b: b.h5(lambda file: file.__delitem__("processing")), "processing"),
+        (dataset("processing/behavior/camA/nose/data", lambda old: old[:, :1]), ".*/nose/data"),
+        (dataset("processing/behavior/camA/nose/confidence", lambda old: old[1:]), ".*/nose/confidence"),
+        (dataset("processing/behavior/camA/pelvis/timestamps", lambda old: old[::-1]), ".*/timestamps"),
+        (lambda b: b.h5(lambda file: file.__delitem__("processing/behavior/camB/pelvis/timestamps")), "file"),
+    ],
     "sleap_csv": [
         (cut_text(60), "line 7"),
         (lambda b: b.text("nose.y", "nose.z"), "line 1"),

@@ -13,7 +13,14 @@ from skelsplat.io.poses import is_pose_file
 
 # of MATLAB's own classes, as its calibration apps export them, and of other variables nothing is read
 _MAT = "a MAT-file of other variables or objects; in MATLAB, save K, r, t, RDistort, TDistort of each camera"
-_SIGNS = {".npy": (b"\x93NUMPY",), ".h5": (HDF5,), ".hdf5": (HDF5,), ".nc": (HDF5, b"CDF")}
+_SIGNS = {
+    ".npy": (b"\x93NUMPY",),
+    ".h5": (HDF5,),
+    ".hdf5": (HDF5,),
+    ".slp": (HDF5,),
+    ".nwb": (HDF5,),
+    ".nc": (HDF5, b"CDF"),
+}
 
 
 def seems(path: Path) -> str | None:
