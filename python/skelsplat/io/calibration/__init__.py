@@ -22,7 +22,7 @@ from skelsplat._words import metric
 from skelsplat.cameras import MM_PER_UNIT, altered
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.findings import Finding, Subject, warn
-from skelsplat.io.calibration import _binary, _json, _opencv, _toml, _xml
+from skelsplat.io.calibration import _binary, _json, _opencv, _plain, _toml, _xml
 from skelsplat.io.calibration._format import CalibrationFormat, RawCamera, Source
 
 __all__ = ["FORMATS", "convert_unit", "find_format", "read_calibration", "write_calibration"]
@@ -31,7 +31,7 @@ Size: TypeAlias = tuple[int, int]
 
 # in the order in which they are tried: Anipose's TOML is what no other format claims
 FORMATS: dict[str, CalibrationFormat] = {
-    known.name: known for module in (_json, _xml, _opencv, _binary, _toml) for known in module.FORMATS
+    known.name: known for module in (_json, _plain, _xml, _opencv, _binary, _toml) for known in module.FORMATS
 }
 _WRITTEN = {".toml": "anipose", ".json": "json", ".npz": "npz"}
 # of files that may be calibrations in a folder, and how many are looked at
@@ -60,8 +60,9 @@ def read_calibration(
         The calibration file, the folder where a format is one, or a folder with one calibration.
     unit : "mm", "cm" or "m"
         The length unit of the file's translations. It must be given for the formats that do not say it:
-        ``anipose`` (unless this package wrote the file), ``easymocap`` and ``4d-association``. For the others
-        it may be left out; one that contradicts the format is an error.
+        ``anipose`` (unless this package wrote the file), ``easymocap``, ``4d-association``, ``colmap``,
+        ``matrices`` and ``opencv-stereo``. For the others it may be left out; one that contradicts the format
+        is an error.
     format : str, optional
         A key of `FORMATS`; found from the content when left out.
     camera_type : str, optional

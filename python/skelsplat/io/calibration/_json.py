@@ -20,6 +20,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -183,8 +184,13 @@ def _parse_panoptic(source: Source, camera_type: str | None) -> Parsed:
     return [camera_of(entry, lens="distCoef", size="resolution") for entry in chosen], "cm"
 
 
-# of the videos, which are 1000 wide
-_LINES = {"54138969": 1002, "55011271": 1000, "58860488": 1000, "60457274": 1002}
+# of the videos
+HUMAN36M_SIZES = {
+    "54138969": (1000, 1002),
+    "55011271": (1000, 1000),
+    "58860488": (1000, 1000),
+    "60457274": (1000, 1002),
+}
 
 
 def _is_human36m(source: Source) -> bool:
@@ -200,12 +206,7 @@ def _parse_human36m(source: Source, subject: str | None) -> Parsed:
     1000.
     """
     intrinsics, extrinsics = (source.json[key].table() for key in ("intrinsics", "extrinsics"))
-    subjects = list(extrinsics.value)
-    chosen = subjects[0] if subject is None and len(subjects) == 1 else str(subject)
-    if chosen not in subjects:
-        expected = f"one of {', '.join(subjects)} for {source.path}"
-        raise InvalidInputError(f"subject: expected {expected}, got {chosen}")
-    poses = extrinsics[chosen].table()
+    poses = extrinsics[one_subject(source.path, list(extrinsics.value), subject)].table()
     cameras = [
         RawCamera(
             name=name,
@@ -213,11 +214,20 @@ def _parse_human36m(source: Source, subject: str | None) -> Parsed:
             R=poses[name]["R"].numbers((3, 3)),
             t=poses[name]["t"].numbers((3,)),
             distortion=lens_of(intrinsics[name]["distortion"]),
-            size=(1000, _LINES[name]) if name in _LINES else None,
+            size=HUMAN36M_SIZES.get(name),
         )
         for name in poses.value
     ]
     return cameras, "mm"
+
+
+def one_subject(path: Path, subjects: Sequence[str], subject: str | None) -> str:
+    """Return the subject that is named, or the only one."""
+    chosen = subjects[0] if subject is None and len(subjects) == 1 else str(subject)
+    if chosen not in subjects:
+        expected = f"one of {', '.join(subjects)} for {path}"
+        raise InvalidInputError(f"subject: expected {expected}, got {chosen}")
+    return chosen
 
 
 def _cameras(source: Source, *keys: set[str]) -> list[Field]:
