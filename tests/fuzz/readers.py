@@ -31,7 +31,7 @@ from skelsplat.io import (
     read_skeleton,
     write_pose,
 )
-from skelsplat.io.poses import POSE_FORMATS
+from skelsplat.io.poses import READ
 from skelsplat.run import Run
 from writers import human36m, occlusion_person, panoptic, shelf_campus
 
@@ -121,7 +121,7 @@ def _human36m(layout: str) -> Callable[[Path], object]:
 SAMPLES: dict[str, Callable[[Path], Reader]] = {
     **{
         f"calibration {name}": _calibration(*one[:2])
-        for name, one in calibration_files.FORMATS_WRITTEN.items()
+        for name, one in {**calibration_files.FORMATS_WRITTEN, **calibration_files.OTHERS}.items()
     },
     "calibration pyxy3d": _calibration(calibration_files.pyxy3d, {}),
     "calibration vicon": _calibration(calibration_files.vicon, {}),
@@ -131,7 +131,7 @@ SAMPLES: dict[str, Callable[[Path], Reader]] = {
     },
     "skeleton": _skeleton("sleap"),
     "skeleton of a csv": _skeleton("deeplabcut_csv"),
-    **{f"pose {kind}": _pose(kind) for kind in POSE_FORMATS},
+    **{f"pose {kind}": _pose(kind) for kind in READ},
     "layout": _layout,
     "run": _run,
     "data authors": _data("human36m", _human36m("skelsplat")),

@@ -22,7 +22,7 @@ from skelsplat.io.poses import POSE_FORMATS, convert_poses, is_pose_file, pose_f
 
 _EPILOG = (
     f"Calibrations are read from {'; '.join(known.about for known in FORMATS.values())}; they are written as "
-    f".toml (Anipose), .json or .npz. Poses are read and written as .{', .'.join(POSE_FORMATS)}."
+    f".toml (Anipose), .json or .npz. Poses are written as .{', .'.join(POSE_FORMATS)}, all but two read."
 )
 _READ = frozenset({"unit", "format", "camera_type", "subject", "size", "binning"})
 _MOST_NAMES = 8

@@ -1,5 +1,7 @@
 """Poses in files: npz and json (everything), csv (tidy), trc and c3d (motion capture), nc (movement).
 
+And what is only written, for scripts of other programs: Anipose's csv and FreeMoCap's npy.
+
 A format is a module and a row in `POSE_FORMATS`, under its extension; any is converted into any other.
 """
 
@@ -25,6 +27,7 @@ from skelsplat.io.poses._c3d import c3d_is_y_up, check_c3d, read_c3d, write_c3d
 from skelsplat.io.poses._csv import COLUMNS, csv_text, read_csv, rows_of, write_csv
 from skelsplat.io.poses._json import is_json_poses, people_text, read_json, write_json
 from skelsplat.io.poses._npz import read_npz, write_npz
+from skelsplat.io.poses._others import write_anipose, write_freemocap
 from skelsplat.io.poses._pose_data import ARRAYS, PoseData, Poses
 from skelsplat.io.poses._trc import check_trc_names, read_trc, write_trc
 from skelsplat.io.poses._xarray import check_packages, read_netcdf, room_for, to_xarray, write_netcdf
@@ -32,9 +35,9 @@ from skelsplat.io.poses._xarray import check_packages, read_netcdf, room_for, to
 
 @dataclass(frozen=True)
 class PoseFormat:
-    """A kind of pose file: how it is read from a path, and written to one with options."""
+    """A kind of pose file: how it is read from a path, if it is, and written to one with options."""
 
-    read: Callable[[str | os.PathLike[str]], PoseData]
+    read: Callable[[str | os.PathLike[str]], PoseData] | None
     write: Callable[..., None]
     options: tuple[str, ...] = ()  # what `write` understands of the keywords of `write_pose`
     packages: tuple[str, ...] = ()  # modules of the extra "formats" that it needs
@@ -47,17 +50,20 @@ POSE_FORMATS: dict[str, PoseFormat] = {
     "c3d": PoseFormat(read_c3d, write_c3d, ("frame_rate", "y_up", "marker_names"), ("ezc3d",)),
     "json": PoseFormat(read_json, write_json),
     "nc": PoseFormat(read_netcdf, write_netcdf, ("frame_rate", "singular"), ("xarray", "h5netcdf", "h5py")),
+    "anipose.csv": PoseFormat(None, write_anipose),
+    "npy": PoseFormat(None, write_freemocap),
 }
-_OWN_UNIT = ("trc", "c3d")  # these formats do not take any unit
+READ = tuple(kind for kind, entry in POSE_FORMATS.items() if entry.read is not None)
+_OWN_UNIT = ("trc", "c3d", "npy")  # these formats do not take any unit
 
 
 def pose_format(path: str | os.PathLike[str]) -> str:
     """Return the key of `POSE_FORMATS` that the extension of ``path`` names, or raise `InvalidInputError`."""
-    suffix = Path(path).suffix.lower().removeprefix(".")
-    if suffix not in POSE_FORMATS:
+    fitting = [kind for kind in POSE_FORMATS if Path(path).name.lower().endswith(f".{kind}")]
+    if not fitting:
         known = ", ".join(f".{name}" for name in POSE_FORMATS)
         raise InvalidInputError(f"path: expected a name that ends in {known}, got {Path(path).name!r}")
-    return suffix
+    return max(fitting, key=len)
 
 
 def check_pose_format(
@@ -73,7 +79,7 @@ def check_pose_format(
 
 
 def write_pose(path: str | os.PathLike[str], data: Poses, **options: object) -> None:
-    """Write poses in the format that the extension of ``path`` names: npz, csv, trc, c3d, json or nc.
+    """Write poses in the format that the extension of ``path`` names, one of `POSE_FORMATS`.
 
     ``options`` are those of its writer: ``frame_rate`` (trc, c3d, nc), ``y_up``, ``marker_names`` (trc, c3d),
     ``unit`` (trc), ``singular`` (nc), ``run`` (npz); None stands for the default.
@@ -90,7 +96,13 @@ def write_pose(path: str | os.PathLike[str], data: Poses, **options: object) -> 
 
 def read_pose(path: str | os.PathLike[str]) -> PoseData:
     """Read poses from a file in the format that its extension names: npz, csv, trc, c3d, json or nc."""
-    return POSE_FORMATS[pose_format(path)].read(path)
+    read = POSE_FORMATS[pose_format(path)].read
+    if read is None:
+        known = ", ".join(f".{kind}" for kind in READ)
+        raise InvalidInputError(
+            f"path: expected poses as {known}, got {Path(path).name!r}, which is only written"
+        )
+    return read(path)
 
 
 def convert_poses(
@@ -190,7 +202,7 @@ PEOPLE_FORMATS: dict[str, Callable[[str | os.PathLike[str], Mapping[int, PoseDat
 def is_pose_file(path: Path) -> bool:
     """Tell from the name, and for json, csv and npz from the content, whether ``path`` holds poses."""
     kind = path.suffix.lower().removeprefix(".")
-    if kind not in POSE_FORMATS or not path.is_file():
+    if kind not in READ or not path.is_file():
         return False
     if kind == "npz":
         return {"pose", "joint_names", "unit"} <= npz_keys(path)
