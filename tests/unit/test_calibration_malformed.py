@@ -196,3 +196,32 @@ def test_a_malformed_file_is_named_with_its_field(tmp_path, name, change, field)
 
 def test_every_format_has_malformed_twins():
     assert {name for name, *_ in CASES} == set(FORMATS)
+
+
+UNREADABLE = {
+    "anipose": text("translation = [", "moved = ["),
+    "caliscope": text("rotation = [[", 'rotation = "null"\nold = [['),
+    "voxelpose": tree(lambda d: d[N].pop("T")),
+    "4d-association": tree(lambda d: d[N].pop("RT")),
+    "opencap": pickled(rotation=None),
+    "easymocap": text(f"dist_{N}:", f"dost_{N}:", "intri.yml"),
+    "openpose": text("</opencv_storage>", "", f"{N}.xml"),
+    "panoptic": tree(lambda d: d["cameras"][1].pop("R")),
+    "human36m": tree(lambda d: d["intrinsics"].pop(N)),
+    "qualisys": text("focalLengthU", "f"),
+    "theia": text("<transform", "<transformation"),
+    "colmap": text("FULL_OPENCV", "FOV", "cameras.txt"),
+    "json": tree(lambda d: d["cameras"][0].update(K=None)),
+}
+
+
+@pytest.mark.parametrize("name", UNREADABLE)
+def test_a_camera_that_cannot_be_read_may_be_left_out(tmp_path, name):
+    write, options, names, *_ = FORMATS_WRITTEN[name]
+    path = write(tmp_path, files.reference(NAMES))
+    UNREADABLE[name](path)
+    with pytest.raises(sk.DatasetError):
+        read_calibration(path, **options, without=[names[1]])
+    with pytest.warns(UserWarning, match=f"{names[0]}: cannot be read"):
+        rig = read_calibration(path, **options, without=[names[0].upper()])
+    assert rig.names == tuple(names[1:])

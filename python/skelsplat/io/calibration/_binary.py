@@ -55,7 +55,8 @@ def _parse_opencap(source: Source) -> Parsed:
     pickle is run.
     """
     files = _opencap_files(source)
-    return [_opencap_camera(name, _opencap_entry(path)) for name, path in files.items()], "mm"
+    kept = [(name, path) for name, path in files.items() if source.keeps(name)]
+    return [_opencap_camera(name, _opencap_entry(path)) for name, path in kept], "mm"
 
 
 def _opencap_entry(path: Path) -> Field:
@@ -112,7 +113,7 @@ def _parse_dannce(source: Source) -> Parsed:
             raise document["camnames"].error(f"{len(params)} names, one per camera", f"{len(names)}")
         entries += zip(names, params, strict=True)
     errors: dict[str, float] = {}
-    cameras = [_dannce_camera(name, entry, errors) for name, entry in entries]
+    cameras = [_dannce_camera(name, entry, errors) for name, entry in entries if source.keeps(name)]
     warn_of_fit(source.path, errors, SKEW)
     return cameras, "mm"
 

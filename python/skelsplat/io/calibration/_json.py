@@ -49,7 +49,8 @@ def _parse_json(source: Source) -> Parsed:
     for key, known in (("format", _MARK), ("version", _VERSION)):
         if document[key].value != known:
             raise document[key].error(known, document[key].shown)
-    cameras = [_own(camera) for camera in document["cameras"].entries("a list of cameras")]
+    entries = document["cameras"].entries("a list of cameras")
+    cameras = [_own(camera) for camera in entries if source.keeps(camera["name"].value)]
     return with_joint_sigma(cameras, document), _unit(document)
 
 
@@ -181,7 +182,8 @@ def _parse_panoptic(source: Source, camera_type: str | None) -> Parsed:
     if not chosen:
         types = sorted({camera["type"].text() for camera in cameras})
         raise DatasetError(source.path, "type", f"cameras of type {wanted}", f"types {', '.join(types)}")
-    return [camera_of(entry, lens="distCoef", size="resolution") for entry in chosen], "cm"
+    kept = (entry for entry in chosen if source.keeps(entry["name"].value))
+    return [camera_of(entry, lens="distCoef", size="resolution") for entry in kept], "cm"
 
 
 # of the videos
@@ -217,6 +219,7 @@ def _parse_human36m(source: Source, subject: str | None) -> Parsed:
             size=HUMAN36M_SIZES.get(name),
         )
         for name in poses.value
+        if source.keeps(name)
     ]
     return cameras, "mm"
 
@@ -249,7 +252,7 @@ def _parse_voxelpose(source: Source) -> Parsed:
     ``k`` has OpenCV's k1, k2, k3 and ``p`` its p1, p2. The image size is not in the file.
     """
     cameras = []
-    for entry in _cameras(source, {"fx"}):
+    for entry in filter(lambda one: source.keeps(one.place), _cameras(source, {"fx"})):
         K = matrix_of(*(entry.table()[name].number() for name in ("fx", "fy", "cx", "cy")))
         (k1, k2, k3), (p1, p2) = entry["k"].numbers((3,)), entry["p"].numbers((2,))
         R, lens = entry["R"].numbers((3, 3)), np.array([k1, k2, p1, p2, k3])
@@ -268,7 +271,7 @@ def _parse_association(source: Source) -> Parsed:
     be ``R`` (9 numbers, or a rotation vector) and ``T``. ``distCoeff`` is in OpenCV's order; without it there
     is no lens. ``rectifyAlpha`` belongs to images that the program undistorts and is passed over.
     """
-    entries = _cameras(source, {"K"})
+    entries = [entry for entry in _cameras(source, {"K"}) if source.keeps(entry.place)]
     warn_of_no_lens(source.path, [entry.place for entry in entries if "distCoeff" not in entry.table()])
     return [_association_camera(entry) for entry in entries], None
 

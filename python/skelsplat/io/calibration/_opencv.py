@@ -100,7 +100,7 @@ def _parse_openpose(source: Source) -> Parsed:
     """
     files = [f for f in source.files if f.suffix.lower() == ".xml"] if source.is_folder else [source.path]
     files.sort(key=lambda file: natural(file.stem))
-    return [_openpose_camera(Source(file)) for file in files], "m"
+    return [_openpose_camera(Source(file)) for file in files if source.keeps(file.stem)], "m"
 
 
 def _xml_matrices(source: Source) -> Field:
@@ -157,7 +157,7 @@ def _parse_easymocap(source: Source) -> Parsed:
             f"{path}: {', '.join(left)}: not in both of {' and '.join(file.name for file in pair)}, left out."
         )
         warn(Finding("calibration_read_as", "note", cameras_of(path, left), sentence=words))
-    return [_easymocap_camera(intri, extri, name) for name in both], None
+    return [_easymocap_camera(intri, extri, name) for name in both if source.keeps(name)], None
 
 
 def _easymocap_names(document: Field, prefix: str) -> list[str]:

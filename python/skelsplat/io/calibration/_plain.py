@@ -71,7 +71,8 @@ def _parse_colmap(source: Source) -> Parsed:
             images.append(Field(folder / _IMAGES, f"line {number}", line.split(maxsplit=9)))
             points_follow = True
     names = _image_names([_words(image, 10)[9] for image in images])
-    return [_colmap_camera(image, name, lenses) for image, name in zip(images, names, strict=True)], None
+    kept = [(image, name) for image, name in zip(images, names, strict=True) if source.keeps(name)]
+    return [_colmap_camera(image, name, lenses) for image, name in kept], None
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
@@ -165,7 +166,7 @@ def _parse_matrices(source: Source) -> Parsed:
     else:
         entries = [Field(path, path.stem, _matrix_in(path)) for path in _matrix_texts(source)]
     errors: dict[str, float] = {}
-    cameras = [_matrix_camera(entry, errors) for entry in entries]
+    cameras = [_matrix_camera(entry, errors) for entry in entries if source.keeps(entry.place)]
     warn_of_no_lens(source.path, [camera.name for camera in cameras])
     warn_of_fit(source.path, errors, SKEW)
     return cameras, None
