@@ -484,6 +484,15 @@ def sleap_slp_cameras(root: Path, take: Take) -> Path:
     return root
 
 
+def hourglass(root: Path, take: Take) -> Path:
+    import h5py
+
+    for name, view in take.views():
+        with h5py.File(root / f"Walking 1.{name}.h5", "w") as file:
+            file["poses"] = view[:, 0, :, :2]
+    return root
+
+
 def ndx_pose(root: Path, take: Take) -> Path:
     """Write a container per camera as pynwb does: series share the times of the first by a link."""
     import h5py

@@ -17,7 +17,7 @@ import numpy as np
 import calibration_files
 import skelsplat as sk
 from detection_cases import CASES
-from detection_files import Take
+from detection_files import Take, hourglass
 from fuzz import mutate
 from pose_sample import sample
 from skelsplat import datasets, layouts, synthetic
@@ -61,6 +61,11 @@ def _detections(name: str, frames: str) -> Callable[[Path], Reader]:
         return lambda root: read_detections(root / path, RIG, layout=case.layout, **options)
 
     return prepare
+
+
+def _hourglass(folder: Path) -> Reader:
+    hourglass(folder, Take(SEEN[:, :, None, :16], list(RIG.names), []))
+    return lambda root: read_detections(root, RIG, layout="file")
 
 
 def _skeleton(name: str) -> Callable[[Path], Reader]:
@@ -129,6 +134,7 @@ SAMPLES: dict[str, Callable[[Path], Reader]] = {
         f"detections {name}": _detections(name, ("strict", "union", "intersection")[i % 3])
         for i, name in enumerate(CASES)
     },
+    "detections hourglass": _hourglass,
     "skeleton": _skeleton("sleap"),
     "skeleton of a csv": _skeleton("deeplabcut_csv"),
     **{f"pose {kind}": _pose(kind) for kind in READ},

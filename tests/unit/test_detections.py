@@ -8,7 +8,7 @@ import pytest
 import skelsplat as sk
 from broken_detections import NAMES, anybody, write_case
 from detection_cases import CASES
-from detection_files import Take, slp_file
+from detection_files import Take, hourglass, slp_file
 from skelsplat.io import read_detections
 
 T = 4
@@ -189,3 +189,16 @@ def test_nwb_states_rate_and_edges(tmp_path, people):
     found = read_detections(path, CAMERAS, layout="file")
     assert found.frame_rate == pytest.approx(30.0, rel=1e-5)
     assert (0, 1) in found.skeleton.limbs
+
+
+@pytest.mark.filterwarnings("ignore:The layout is that")
+def test_hourglasses_have_mpiis_joints(tmp_path, people):
+    people = people[..., :1, :16, :]
+    path = hourglass(tmp_path, Take(people, list(CAMERAS), []))
+    found = read_detections(path, CAMERAS, layout="file")
+    assert (found.format, found.camera_names) == ("hourglass", CAMERAS)
+    assert found.skeleton.joints[6:10] == ("pelvis", "thorax", "upper_neck", "head_top")
+    np.testing.assert_array_equal(found.people[..., :2], people[..., :2])
+    hourglass(tmp_path, Take(people[..., :15, :], ["cam2"], []))
+    with pytest.raises(sk.DatasetError, match=r"Walking 1\.cam2\.h5: poses"):
+        read_detections(path, CAMERAS, layout="file")

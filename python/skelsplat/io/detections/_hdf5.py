@@ -1,4 +1,4 @@
-"""Detections in projects of HDF5, of one camera or all: SLEAP's ``.slp``, and NWB with ndx-pose."""
+"""Detections in HDF5: SLEAP's projects and NWB with ndx-pose, of one camera or all, and hourglasses'."""
 
 from __future__ import annotations
 
@@ -287,6 +287,27 @@ def _frames(path: Path, times: Array) -> tuple[Index, float | None]:
     return frames.astype(np.int64), float(f"{rate:.6g}") if known else None
 
 
+_MPII = (
+    *("right_ankle", "right_knee", "right_hip", "left_hip", "left_knee", "left_ankle", "pelvis", "thorax"),
+    *("upper_neck", "head_top", "right_wrist", "right_elbow", "right_shoulder"),
+    *("left_shoulder", "left_elbow", "left_wrist"),
+)
+
+
+def read_hourglass(path: Path) -> View:
+    """Read ``poses`` (T, 16, 2) of a stacked hourglass, MPII's joints, as 3d-pose-baseline has Human3.6M."""
+    pixels = as_numbers(path, "poses", _read(path, "poses")["arrays"].get("poses"))
+    if pixels.ndim != 3 or pixels.shape[1:] != (len(_MPII), 2):
+        raise DatasetError(path, "poses", f"pixels of shape (T, {len(_MPII)}, 2)", pixels.shape)
+    joints = joints_of(path, "poses", pixels[:, None], None, clip=False)
+    return replace(array_view(path, joints), joints=_MPII)
+
+
+def _is_hourglass(path: Path) -> bool:
+    others = (b"pandas_type", b"node_names")
+    return hdf5_mentions(path, b"poses") and not any(hdf5_mentions(path, name) for name in others)
+
+
 def _mentions(*names: bytes) -> Callable[[Path], bool]:
     return lambda path: hdf5_mentions(path, *names)
 
@@ -301,5 +322,7 @@ def _format(
 
 FORMATS = (
     _format("sleap_slp", ".slp", read_slp, b"pred_points", b"instance_id_start"),
+    # the camera's name is behind that of an action
+    DetectionFormat("hourglass", (".h5",), _is_hourglass, each(read_hourglass), added=r"^.*\."),
     _format("ndx_pose", ".nwb", read_nwb, b"PoseEstimationSeries"),
 )
