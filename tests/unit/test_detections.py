@@ -152,8 +152,18 @@ def test_a_wide_csv_of_mediapipe_has_parts_of_the_image_and_places(tmp_path):
         read_detections(tmp_path, rig.names)
 
 
-def test_a_csv_of_points_in_3d_is_no_detections(tmp_path):
-    (tmp_path / "cam1.csv").write_text("frame,nose_x,nose_y,nose_z\n0,1,2,3\n")
+def test_a_wide_csv_of_pixels_with_many_zeros_is_none_of_parts(tmp_path):
+    (tmp_path / "cam1.csv").write_text("a_x,a_y,b_x,b_y\n" + "0,0,0,0\n" * 30 + "400,300,0,0\n")
+    camera = sk.Camera(K=np.diag([9e2, 9e2, 1]), R=np.eye(3), t=[0, 0, 5], size=(1920, 1080), name="cam1")
+    layout = sk.layouts.from_names("two", ["a", "b"], [(0, 1)])
+    found = read_detections(tmp_path, [camera], layout=layout).people
+    np.testing.assert_array_equal(found[30, 0, 0, 0], [400, 300, 1])
+
+
+@pytest.mark.parametrize("of_anipose", ["", ",nose_error,nose_ncams,nose_score"])
+def test_a_csv_of_points_in_3d_is_no_detections(tmp_path, of_anipose):
+    values = ",0.1,2,0.9" if of_anipose else ""
+    (tmp_path / "cam1.csv").write_text(f"frame,nose_x,nose_y,nose_z{of_anipose}\n0,1,2,3{values}\n")
     with pytest.raises(sk.DatasetError, match="content"):
         read_detections(tmp_path, ["cam1"])
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from skelsplat._arrays import Array, Index
-from skelsplat._budget import check_ratio
+from skelsplat._budget import MOST_CAMERAS, check_ratio
 from skelsplat._fields import FRAME_LIMIT, Field
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._arrays import FRAME_RATES, array_names, as_numbers, hdf5_mentions
@@ -140,17 +140,19 @@ def _people(
 ) -> dict[int, dict[int, list[Array]]]:
     """Return the people (count, 3) by video and frame."""
     columns = ("instance_type", "track", "from_predicted", "point_id_start", "point_id_end")
-    instances = np.column_stack([rows[name] for name in columns]).astype(np.int64)
+    with np.errstate(invalid="ignore"):  # of a number beyond all others, which fits no place
+        instances = np.column_stack([rows[name] for name in columns]).astype(np.int64)
     people: dict[int, dict[int, list[Array]]] = {}
     table = np.column_stack([frames[name] for name in _TABLES["frames"]])
-    ends = table[:, 2:]
-    if (table < 0.0).any() or (table >= FRAME_LIMIT).any() or (ends > len(instances)).any():
-        raise DatasetError(
-            path, "frames", f"frame numbers, and places among {len(instances)} instances", "others"
-        )
+    many = len(instances)
+    fits = ((table >= 0.0) & (table < [MOST_CAMERAS, FRAME_LIMIT, many + 1, many + 1])).all()
+    rising = table[:, 3] - table[:, 2]
+    if not fits or (rising < 0.0).any() or rising.sum() > many:
+        expected = f"numbers of videos and frames, and places among {many} instances, each once"
+        raise DatasetError(path, "frames", expected, "others")
     for video, frame, first, end in table.astype(np.int64).tolist():
         own = range(first, end)
-        users = [row for row in own if instances[row, 0] == _USER]
+        users = {row for row in own if instances[row, 0] == _USER}
         tracks = {int(instances[row, 1]) for row in users} - {-1}
         made = {int(instances[row, 2]) for row in users}
         found = people.setdefault(video, {}).setdefault(frame, [])
@@ -158,15 +160,10 @@ def _people(
             if row not in users and (row in made or int(instances[row, 1]) in tracks):
                 continue
             kind, _, _, start, stop = instances[row].tolist()
-            if (
-                kind not in range(_KINDS)
-                or not 0 <= start <= stop <= len(points[kind])
-                or stop - start != count
-            ):
-                where = f"instances[{row}]"
-                raise DatasetError(
-                    path, where, f"{count} places of points, one per node", f"{start} to {stop}"
-                )
+            held = len(points[kind]) if kind in range(_KINDS) else 0
+            if stop - start != count or not 0 <= start <= stop <= held:
+                expected = f"{count} places of points, one per node"
+                raise DatasetError(path, f"instances[{row}]", expected, f"{start} to {stop}")
             found.append(points[kind][start:stop])
     return people
 
@@ -267,9 +264,10 @@ def _nwb_view(path: Path, animals: Sequence[Mapping[str, _Series]], skeletons: M
     frames, rate = _frames(path, times)
     check_ratio(path, "timestamps", 24 * len(frames) * len(animals) * len(names), path.stat().st_size)
     people = np.full((len(frames), len(animals), len(names), 3), np.nan)
+    places = {name: place for place, name in enumerate(names)}
     for k, animal in enumerate(animals):
         for node, one in animal.items():
-            people[np.searchsorted(times, one.times), k, names.index(node)] = one.joints
+            people[np.searchsorted(times, one.times), k, places[node]] = one.joints
     return replace(array_view(path, people, frames), joints=names, edges=edges, rate=rate)
 
 
