@@ -193,6 +193,14 @@ def test_sleaps_pixels_were_corners_before_version_1_1(tmp_path):
     np.testing.assert_allclose(found[..., :2], people[..., ::-1, :2] - 0.5, atol=1e-12)
 
 
+def test_nwb_without_poses_is_told(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "session.nwb", "w") as file:
+        file.create_group("processing/behavior/Position")
+    with pytest.raises(sk.DatasetError, match="a container PoseEstimation of ndx-pose"):
+        read_detections(tmp_path / "session.nwb", CAMERAS)
+
+
 @pytest.mark.filterwarnings("ignore:The layout is that")
 def test_nwb_states_rate_and_edges(tmp_path, people):
     path, _ = written("ndx_pose", tmp_path, people)

@@ -322,5 +322,5 @@ FORMATS = (
     _format("sleap_slp", ".slp", read_slp, b"pred_points", b"instance_id_start"),
     # the camera's name is behind that of an action
     DetectionFormat("hourglass", (".h5",), _is_hourglass, each(read_hourglass), added=r"^.*\."),
-    _format("ndx_pose", ".nwb", read_nwb, b"PoseEstimationSeries"),
+    _format("ndx_pose", ".nwb", read_nwb),  # which tells of other data
 )
