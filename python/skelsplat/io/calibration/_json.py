@@ -182,8 +182,8 @@ def _parse_panoptic(source: Source, camera_type: str | None) -> Parsed:
     if not chosen:
         types = sorted({camera["type"].text() for camera in cameras})
         raise DatasetError(source.path, "type", f"cameras of type {wanted}", f"types {', '.join(types)}")
-    kept = (entry for entry in chosen if source.keeps(entry["name"].value))
-    return [camera_of(entry, lens="distCoef", size="resolution") for entry in kept], "cm"
+    chosen = [entry for entry in chosen if source.keeps(entry["name"].value)]
+    return [camera_of(entry, lens="distCoef", size="resolution") for entry in chosen], "cm"
 
 
 # of the videos
