@@ -9,12 +9,12 @@ import counts
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 34_868,
-    "cli": 3_402,
+    "package": 35_627,
+    "cli": 3_400,
     "core": 19_261,
     "binding": 2_712,
     "Rust tests": 6_242,
-    "Python tests": 26_891,
+    "Python tests": 27_240,
     "benchmarks and tools": 4_389,
     "docs, words": 42_000,
     "README, words": 1_330,
