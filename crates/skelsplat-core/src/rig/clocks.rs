@@ -27,6 +27,42 @@ const NEXT: f64 = 2.0;
 /// Errors of the detections of one view, (frames, N); `None` where there is none.
 type Errors = Vec<Option<Vector2<f64>>>;
 
+/// The clocks that a camera may have, by what its detections say.
+#[derive(Debug, Clone)]
+pub struct Lags {
+    given: f64,
+    /// The one that fits best.
+    pub best: f64,
+    /// Each with the logarithm of the odds of the best one against it.
+    all: Vec<(f64, f64)>,
+}
+
+impl Lags {
+    /// Each clock with its odds against the best one, corrected for the number of clocks: at most
+    /// 1, which means tied.
+    fn odds(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+        let count = self.all.len() as f64;
+        self.all.iter().map(move |(clock, odds)| (*clock, (count * (-odds).exp()).min(1.0)))
+    }
+
+    /// Of the clocks that are tied the one nearest to the given one; `now` if it is next to it.
+    pub fn nearest(&self, now: f64) -> f64 {
+        let off = |clock: &f64| (clock - self.given).abs();
+        let tied = self.odds().filter(|(_, odds)| *odds >= 1.0).map(|(clock, _)| clock);
+        let nearest = tied.min_by(|a, b| off(a).total_cmp(&off(b)));
+        nearest.filter(|clock| (clock - now).abs() > NEXT).unwrap_or(now)
+    }
+
+    /// How far the camera's clock may be from `clock`: the root mean square by the odds. The next
+    /// two frames either way are left to its error bar.
+    pub fn range(&self, clock: f64) -> f64 {
+        let far = self.odds().map(|(other, odds)| ((other - clock).abs(), odds));
+        let far: f64 = far.filter(|(d, _)| *d > NEXT).map(|(d, odds)| odds * d * d).sum();
+        let all: f64 = self.odds().map(|(_, odds)| odds).sum();
+        (far / all.max(1.0)).sqrt()
+    }
+}
+
 impl Scope<'_> {
     /// Takes back the clocks that are not off any more now that other faults are corrected, the
     /// least sure first.
@@ -98,64 +134,19 @@ impl Scope<'_> {
         if n < LEAST_FRAMES { 0 } else { MOST_OFFSET.min((n / PART) as isize) }
     }
 
-    /// The whole number of frames by which a camera's clock fits best; `None` if only a part of a
-    /// frame is left, which is not asked for, or nothing fits.
-    pub fn clock_offset(
-        &self,
-        camera: &Placed,
-        view: usize,
-        points: &[Vector3<f64>],
-    ) -> Option<f64> {
-        let now = camera.clock.round();
-        let count = self.scene.distances(self.frames, points, view, camera).len();
-        let off = |shift: isize| {
-            let tried = Placed { clock: now + shift as f64, ..camera.clone() };
-            let sights = self.scene.distances(self.frames, points, view, &tried);
-            let enough = 2 * sights.len() >= count && sights.len() >= LEAST;
-            enough.then(|| median(sights.iter().map(|(px, mm)| px * mm)))
-        };
-        let most = self.most_offset();
-        let tried = (-most..=most).filter_map(|shift| Some((shift, off(shift)?)));
-        let (best, _) = tried.min_by(|a, b| a.1.total_cmp(&b.1).then(a.0.abs().cmp(&b.0.abs())))?;
-        (best != 0 || self.clock).then_some(now + best as f64)
-    }
-
-    /// A clock, and how far it may be from there: the root mean square over whole lags, by their
-    /// odds. The next two frames either way are left to its error bar. If no `clock` is named, that
-    /// of the lags that are tied which is nearest to the given one.
-    pub fn clock_range(&self, rig: &Explanation, view: usize, clock: Option<f64>) -> (f64, f64) {
-        let others: Vec<bool> = (0..rig.cameras.len()).map(|i| i != view).collect();
-        let points = self.scene.points(self.frames, &rig.cameras, &others);
-        let now = rig.cameras[view].clock;
-        let odds = self.odds_of_lags(&rig.cameras, view, now, &points);
-        let off = |clock: &f64| (clock - self.given[view].clock).abs();
-        let tied = odds.iter().filter(|(_, odds)| *odds >= 1.0).map(|(lag, _)| now + lag);
-        let nearest = tied.min_by(|a, b| off(a).total_cmp(&off(b)));
-        let other = nearest.filter(|clock| (clock - now).abs() > NEXT).unwrap_or(now);
-        let clock = clock.unwrap_or(other);
-        let far = odds.iter().map(|(lag, odds)| ((now + lag - clock).abs(), odds));
-        let far: f64 = far.filter(|(d, _)| *d > NEXT).map(|(d, odds)| odds * d * d).sum();
-        let all: f64 = odds.iter().map(|(_, odds)| odds).sum();
-        (clock, (far / all.max(1.0)).sqrt())
-    }
-
-    /// The whole lags of a clock relative to `now`, each with its odds against the one that fits
-    /// best, corrected for the number of lags tried: at most 1, which means tied.
+    /// What the detections of a view say of its clock: of the given one, of that of `rig`, and of
+    /// those a whole number of frames from there.
     ///
     /// An error e of the view, less what lasts, costs ρ(e) = 1 − exp(−|e|²/4σ²) where the others
-    /// place the joint. If the best lag is right, another with e' costs D more in a cell, a joint
+    /// place the joint. If the best clock is right, another with e' costs D more in a cell, a joint
     /// in a part of the recording, in proportion to d = Σ ρ(e' − e): T is the slope of D over d
     /// by the error that allows cells their own noise (White 1980).
-    fn odds_of_lags(
-        &self,
-        rig: &[Placed],
-        view: usize,
-        now: f64,
-        points: &[Vector3<f64>],
-    ) -> Vec<(f64, f64)> {
-        let most = self.most_offset();
-        let errors = |lag: f64| (lag, self.passing(rig, view, now + lag, points));
-        let mut all: Vec<(f64, Errors)> = (-most..=most).map(|lag| errors(lag as f64)).collect();
+    pub fn lags(&self, rig: &[Placed], view: usize, points: &[Vector3<f64>]) -> Lags {
+        let (most, now, given) = (self.most_offset(), rig[view].clock, self.given[view].clock);
+        let whole = (-most..=most).map(|lag| now + lag as f64).filter(|clock| *clock != given);
+        let tried = std::iter::once(given).chain(whole);
+        let mut all: Vec<(f64, Errors)> =
+            tried.map(|clock| (clock, self.passing(rig, view, clock, points))).collect();
         let known = |errors: &Errors| errors.iter().flatten().count();
         let enough = LEAST.max(all.iter().map(|(_, errors)| known(errors)).max().unwrap_or(0) / 2);
         all.retain(|(_, errors)| known(errors) >= enough);
@@ -165,14 +156,14 @@ impl Scope<'_> {
         let cost = |e: &Vector2<f64>| 1.0 - (-(e / kernel).norm_squared()).exp();
         let mean =
             |errors: &Errors| errors.iter().flatten().map(cost).sum::<f64>() / known(errors) as f64;
-        let rated = all.iter().map(|(_, errors)| (mean(errors), errors));
-        let Some((_, best)) = rated.min_by(|a, b| a.0.total_cmp(&b.0)) else {
-            return Vec::new();
+        let rated = all.iter().map(|(clock, errors)| (mean(errors), *clock, errors));
+        let Some((_, best, least)) = rated.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+            return Lags { given, best: now, all: Vec::new() };
         };
         let n = self.scene.n_joints();
-        let odds = |errors: &Errors| {
+        let against = |errors: &Errors| {
             let mut cells = vec![[0.0; 2]; n * self.frames.len().div_ceil(CHUNK)];
-            for (k, (own, other)) in errors.iter().zip(best).enumerate() {
+            for (k, (own, other)) in errors.iter().zip(least).enumerate() {
                 if let (Some(own), Some(other)) = (own, other) {
                     let [more, due] = &mut cells[k % n + n * (k / n / CHUNK)];
                     *more += cost(own) - cost(other);
@@ -183,10 +174,16 @@ impl Scope<'_> {
             let slope = cells.iter().map(|[more, due]| more * due).sum::<f64>() / due;
             let noise = |[more, due]: &[f64; 2]| (due * (more - slope * due)).powi(2);
             let error = cells.iter().map(noise).sum::<f64>().sqrt() / due;
-            let t = if slope > 0.0 { slope / error } else { 0.0 };
-            (all.len() as f64 * (-log_odds(t, cells.len())).exp()).min(1.0)
+            if slope > 0.0 { log_odds(slope / error, cells.len()) } else { 0.0 }
         };
-        all.iter().map(|(lag, errors)| (*lag, odds(errors))).collect()
+        let all = all.iter().map(|(clock, errors)| (*clock, against(errors))).collect();
+        Lags { given, best, all }
+    }
+
+    /// The lags of a camera of a rig, whose joints the others place.
+    pub fn lags_in(&self, rig: &[Placed], view: usize) -> Lags {
+        let others: Vec<bool> = (0..rig.len()).map(|i| i != view).collect();
+        self.lags(rig, view, &self.scene.points(self.frames, rig, &others))
     }
 
     /// Errors of the detections of a view with another clock, mm, less those that last. Of two

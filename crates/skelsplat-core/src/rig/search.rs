@@ -176,7 +176,7 @@ impl Scope<'_> {
                 progress.check()?;
                 faults.extend(self.suppose(rig, view, fault, sigma));
             }
-            faults.retain(|supposed| self.is_fault(rig, supposed, sigma));
+            faults.retain(|supposed| self.is_fault(rig, supposed));
             if !faults.is_empty() {
                 return Ok(self.told_apart(faults, sigma));
             }
@@ -202,12 +202,11 @@ impl Scope<'_> {
             let change = Change::between(&self.given[view], &supposed.rig.cameras[view]);
             let mut known = supposed.bars.besides(&change);
             if fault == Fault::Clock {
-                let given = Some(self.given[view].clock);
-                let (_, range) = self.clock_range(&supposed.rig, view, given);
-                known.clock = known.clock.max(range);
+                let lags = self.lags_in(&supposed.rig.cameras, view);
+                known.clock = known.clock.max(lags.range(self.given[view].clock));
             }
             learn(&mut bars[view], fault, &known);
-            if full && !supposed.is_clock() && self.is_fault(&still, &supposed, sigma) {
+            if full && !supposed.is_clock() && self.is_fault(&still, &supposed) {
                 more.push(supposed);
             }
         }
@@ -224,15 +223,15 @@ impl Scope<'_> {
         std::iter::once(best).chain(rivals).collect()
     }
 
-    /// Whether joints agree that one fault explains less than another. Clocks compare in all
-    /// frames, without the errors that last.
+    /// Whether joints agree that one fault explains less than another: clocks without the errors
+    /// that last, or in all frames with both free.
     fn explains_less(&self, supposed: &Supposed, other: &Supposed, sigma: f64) -> bool {
+        let (own, others) = (&supposed.rig.judged, &other.rig.judged);
         if !supposed.is_clock() {
-            return is_worse(&supposed.rig.judged.costs, &other.rig.judged.costs);
+            return is_worse(&own.costs, &others.costs);
         }
         let scope = Scope { frames: self.all, ..*self };
-        let [own, others] = scope.moving(&supposed.rig.cameras, &other.rig.cameras, sigma);
-        is_worse(&own, &others)
+        is_worse(&own.moving, &others.moving)
             || scope.clock_stays_off(&other.rig, other.view, supposed.view, sigma)
     }
 
@@ -356,7 +355,11 @@ impl Scope<'_> {
     ) -> Option<Placed> {
         let mut camera = rig.cameras[view].clone();
         if kind.clock {
-            camera.clock = self.clock_offset(&camera, view, points)?;
+            let best = self.lags(&rig.cameras, view, points).best;
+            if best == camera.clock && !self.clock {
+                return None; // Parts of a frame are not asked for.
+            }
+            camera.clock = best;
         }
         let off = self.scene.distances(self.frames, points, view, &camera);
         if off.len() < LEAST {
@@ -374,13 +377,12 @@ impl Scope<'_> {
     }
 
     /// Whether a change is more than chance; of clocks, chance is judged when all are known.
-    fn is_fault(&self, rig: &Explanation, supposed: &Supposed, sigma: f64) -> bool {
+    fn is_fault(&self, rig: &Explanation, supposed: &Supposed) -> bool {
         if supposed.wald <= FAULT_WALD {
             return false;
         }
         if supposed.is_clock() {
-            let [before, after] = self.moving(&rig.cameras, &supposed.rig.cameras, sigma);
-            return self.is_within(&supposed.rig, supposed.view) && total(&before) > total(&after);
+            return self.is_within(&supposed.rig, supposed.view);
         }
         let [before, after] = [rig, &supposed.rig].map(|rig| total(&rig.judged.costs));
         let gained = self.given.len() as f64 * (before - after) / before;
