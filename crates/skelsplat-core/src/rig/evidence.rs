@@ -9,6 +9,9 @@ use super::reduced::Judged;
 /// in twenty cases.
 const AGREED: f64 = 1.7;
 
+/// The probability that a camera is not as its calibration says.
+const CHANGED: f64 = 0.05;
+
 /// Error bars of a camera's change: root-mean-square length of the error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bars {
@@ -77,15 +80,48 @@ pub fn wald(
     change: &Change,
 ) -> f64 {
     let clusters = judged.costs.len();
-    let own: Vec<usize> = of.columns().collect();
-    let place = |k: &usize| unknowns.iter().position(|unknown| *unknown == (view, *k));
-    let Some(rows) = own.iter().map(place).collect::<Option<Vec<usize>>>() else { return 0.0 };
-    let (p, g) = (rows.len(), clusters as f64);
-    let part = DMatrix::from_fn(p, p, |a, b| judged.covariance[(rows[a], rows[b])]);
-    let theta = DVector::from_fn(p, |a, _| change.parameter(own[a]));
+    let Some((theta, part)) = of_camera(&judged.covariance, unknowns, view, of, change) else {
+        return 0.0;
+    };
+    let (p, g) = (theta.len(), clusters as f64);
     let Some(inverse) = part.try_inverse().filter(|_| clusters > p) else { return 0.0 };
     let square = theta.dot(&(inverse * &theta)) / p as f64;
     (square * (g - p as f64) / (g - 1.0)).max(0.0).sqrt()
+}
+
+/// The logarithm of the odds that what is free in one camera has changed: a camera is as given, or
+/// with the probability ε anywhere, θ ~ N(0, V). With the solution θ ± C,
+/// ln ε/(1−ε) + ½ θᵀC⁻¹θ − ½ ln |V|/|C| (Laplace).
+pub fn odds_changed(
+    judged: &Judged,
+    unknowns: &[(usize, usize)],
+    view: usize,
+    of: Freedom,
+    change: &Change,
+    prior_sigma: impl Fn(usize) -> f64,
+) -> f64 {
+    let own = of_camera(&judged.steady, unknowns, view, of, change);
+    let own = own.and_then(|(theta, part)| Some((theta, part.cholesky()?)));
+    let Some((theta, factor)) = own else { return f64::NEG_INFINITY };
+    let known: f64 = factor.l_dirty().diagonal().iter().map(|sigma| sigma.ln()).sum();
+    let wide: f64 = of.columns().map(|k| prior_sigma(k).ln()).sum();
+    (CHANGED / (1.0 - CHANGED)).ln() + 0.5 * theta.dot(&factor.solve(&theta)) + known - wide
+}
+
+/// The change of what is free in one camera, and its covariance; `None` if it is not among the
+/// unknowns.
+fn of_camera(
+    covariance: &DMatrix<f64>,
+    unknowns: &[(usize, usize)],
+    view: usize,
+    of: Freedom,
+    change: &Change,
+) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    let place = |k: usize| unknowns.iter().position(|unknown| *unknown == (view, k));
+    let rows = of.columns().map(place).collect::<Option<Vec<usize>>>()?;
+    let theta = of.columns().map(|k| change.parameter(k)).collect::<Vec<f64>>();
+    let part = DMatrix::from_fn(rows.len(), rows.len(), |a, b| covariance[(rows[a], rows[b])]);
+    Some((DVector::from_vec(theta), part))
 }
 
 /// The cost of all clusters.

@@ -11,7 +11,7 @@
 use nalgebra::Vector3;
 
 use super::bundle::{Bundle, Lenses, PER_NOISE, unknowns};
-use super::evidence::{Bars, bars, is_worse, total, wald};
+use super::evidence::{Bars, bars, is_worse, odds_changed, total};
 use super::placed::{CLOCK, Change, Freedom, Placed};
 use super::reduced::Judged;
 use super::scene::Scene;
@@ -25,17 +25,10 @@ pub(super) const LEAST: usize = 20;
 pub(super) const RAYLEIGH: f64 = 1.177_41;
 /// Least noise, pixels.
 const LEAST_PX: f64 = 0.05;
-/// A change is a fault from this Wald statistic ([`wald`]) on.
+/// A clock is off from this Wald statistic on.
 pub(super) const FAULT_WALD: f64 = 3.5;
 /// A change that was found is confirmed from this Wald statistic on where more is known.
 pub const CONFIRMED_WALD: f64 = 2.0;
-/// The least that a fault of a place explains, relative to the mean cost of a view.
-const GAIN: f64 = 0.2;
-/// What is enough from the Wald statistic [`CLEAR_WALD`] on.
-const CLEAR_GAIN: f64 = 0.02;
-/// The Wald statistic from which a change is clear.
-const CLEAR_WALD: f64 = 6.0;
-
 /// What a search may suppose.
 #[derive(Debug, Clone, Copy)]
 pub struct Scope<'a> {
@@ -90,8 +83,8 @@ pub struct Supposed {
     pub rig: Explanation,
     /// Error bars of the camera.
     pub bars: Bars,
-    /// The Wald statistic of its change: see [`wald`].
-    pub wald: f64,
+    /// The logarithm of the odds that its place changed: see [`odds_changed`].
+    pub odds: f64,
 }
 
 /// What a search found.
@@ -176,7 +169,7 @@ impl Scope<'_> {
                 progress.check()?;
                 faults.extend(self.suppose(rig, view, fault, sigma));
             }
-            faults.retain(|supposed| self.is_fault(rig, supposed));
+            faults.retain(|supposed| self.is_fault(supposed));
             if !faults.is_empty() {
                 return Ok(self.told_apart(faults, sigma));
             }
@@ -206,7 +199,7 @@ impl Scope<'_> {
                 known.clock = known.clock.max(lags.range(self.given[view].clock));
             }
             learn(&mut bars[view], fault, &known);
-            if full && !supposed.is_clock() && self.is_fault(&still, &supposed) {
+            if full && !supposed.is_clock() && self.is_fault(&supposed) {
                 more.push(supposed);
             }
         }
@@ -340,8 +333,11 @@ impl Scope<'_> {
         let unknowns = unknowns(&explained.freedom, self.lenses);
         let bars = bars(&explained.judged.steady, &unknowns, view);
         let change = Change::between(&rig.cameras[view], &explained.cameras[view]);
-        let wald = wald(&explained.judged, &unknowns, view, kind, &change);
-        Some(Supposed { view, fault, rig: explained, bars, wald })
+        let bundle = self.bundle(rig.cameras.clone(), Vec::new(), points);
+        let reach = bundle.reach()[view];
+        let prior_sigma = |k| bundle.prior_sigma(k, reach);
+        let odds = odds_changed(&explained.judged, &unknowns, view, kind, &change, prior_sigma);
+        Some(Supposed { view, fault, rig: explained, bars, odds })
     }
 
     /// One camera placed by joints that the others place.
@@ -377,16 +373,14 @@ impl Scope<'_> {
     }
 
     /// Whether a change is more than chance; of clocks, chance is judged when all are known.
-    fn is_fault(&self, rig: &Explanation, supposed: &Supposed) -> bool {
-        if supposed.wald <= FAULT_WALD {
-            return false;
+    fn is_fault(&self, supposed: &Supposed) -> bool {
+        match supposed.is_clock() {
+            true => {
+                self.clock_wald(&supposed.rig, supposed.view) > FAULT_WALD
+                    && self.is_within(&supposed.rig, supposed.view)
+            }
+            false => supposed.odds > 0.0,
         }
-        if supposed.is_clock() {
-            return self.is_within(&supposed.rig, supposed.view);
-        }
-        let [before, after] = [rig, &supposed.rig].map(|rig| total(&rig.judged.costs));
-        let gained = self.given.len() as f64 * (before - after) / before;
-        gained >= if supposed.wald > CLEAR_WALD { CLEAR_GAIN } else { GAIN }
     }
 }
 
