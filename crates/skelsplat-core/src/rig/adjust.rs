@@ -148,9 +148,9 @@ impl Task<'_> {
         for (i, bars) in bars.iter_mut().enumerate().filter(|(i, _)| late.freedom[*i].clock) {
             let camera = &mut found.rig.cameras[i];
             let bar = bars.clock.hypot(late.cameras[i].clock - camera.clock);
-            let lags = all.lags_in(&late.cameras, i);
+            let lags = all.lags(&late.cameras, i, None);
             if found.rig.freedom[i].clock {
-                camera.clock = lags.nearest(camera.clock);
+                camera.clock = lags.nearest(camera.clock, self.given[i].clock);
             }
             bars.clock = bar.max(lags.range(camera.clock));
         }
@@ -169,9 +169,8 @@ impl Task<'_> {
     }
 
     /// Whether every change is confirmed on all frames, and its camera fits frames that were left
-    /// out better than before and about as the others do, or clearly better: detections that are
-    /// bad for another reason also fit a little better with any wrong clock. Where cameras change
-    /// places, all together fit those frames better.
+    /// out about as the others do, or clearly better than before. Where cameras change places, they
+    /// and all together fit those frames better.
     fn holds(&self, rig: &Explanation) -> bool {
         let (before, after) = (self.left_out(self.given), self.left_out(&rig.cameras));
         let free = unknowns(&rig.freedom, Lenses::CALIBRATED);

@@ -428,6 +428,7 @@ impl Bundle<'_> {
             costs,
             steady: &inverse * (even / curve.powi(2)) + &held,
             covariance: jackknife + held,
+            evidence: curve / even,
             moving: Vec::new(),
         }
     }

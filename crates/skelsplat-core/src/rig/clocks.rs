@@ -8,7 +8,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::bias::LastingErrors;
 use super::bundle::{Bundle, CHUNK, PER_NOISE, unknowns};
-use super::evidence::{log_odds, odds, wald};
+use super::evidence::{excess, log_odds, wald};
 use super::placed::{Change, Freedom, Placed};
 use super::search::{CONFIRMED_WALD, Explanation, FAULT_WALD, LEAST, RAYLEIGH, Scope};
 use crate::statistics::median;
@@ -30,7 +30,6 @@ type Errors = Vec<Option<Vector2<f64>>>;
 /// The clocks that a camera may have, by what its detections say.
 #[derive(Debug, Clone)]
 pub struct Lags {
-    given: f64,
     /// The one that fits best.
     pub best: f64,
     /// Each with the logarithm of the odds of the best one against it.
@@ -45,9 +44,9 @@ impl Lags {
         self.all.iter().map(move |(clock, odds)| (*clock, (count * (-odds).exp()).min(1.0)))
     }
 
-    /// Of the clocks that are tied the one nearest to the given one; `now` if it is next to it.
-    pub fn nearest(&self, now: f64) -> f64 {
-        let off = |clock: &f64| (clock - self.given).abs();
+    /// Of the clocks that are tied the one nearest to the `given` one; `now` if it is next to it.
+    pub fn nearest(&self, now: f64, given: f64) -> f64 {
+        let off = |clock: &f64| (clock - given).abs();
         let tied = self.odds().filter(|(_, odds)| *odds >= 1.0).map(|(clock, _)| clock);
         let nearest = tied.min_by(|a, b| off(a).total_cmp(&off(b)));
         nearest.filter(|clock| (clock - now).abs() > NEXT).unwrap_or(now)
@@ -84,11 +83,11 @@ impl Scope<'_> {
         if self.clock_wald(rig, view) <= CONFIRMED_WALD || !self.is_within(rig, view) {
             return f64::NEG_INFINITY;
         }
-        let mut given = rig.cameras.clone();
+        let (now, mut given) = (&rig.cameras, rig.cameras.clone());
         given[view].clock = self.given[view].clock;
-        let [before, after] = self.moving(&given, &rig.cameras, self.sigma(&rig.cameras));
-        let lag = (rig.cameras[view].clock - given[view].clock).abs();
-        odds(&before, &after) - (STRONG * (2.0 * lag.ceil() + 1.0)).ln()
+        let lag = (now[view].clock - given[view].clock).abs();
+        let [before, after] = self.moving([&given, now]);
+        log_odds(excess(&before, &after), before.len()) - (STRONG * (2.0 * lag.ceil() + 1.0)).ln()
     }
 
     /// The rig with some clocks as given.
@@ -134,19 +133,21 @@ impl Scope<'_> {
         if n < LEAST_FRAMES { 0 } else { MOST_OFFSET.min((n / PART) as isize) }
     }
 
-    /// What the detections of a view say of its clock: of the given one, of that of `rig`, and of
-    /// those a whole number of frames from there.
+    /// What the detections of a view say of its clock, of that of `rig` and those a whole number of
+    /// frames from there, with joints at `points` or where the others place them.
     ///
     /// An error e of the view, less what lasts, costs ρ(e) = 1 − exp(−|e|²/4σ²) where the others
     /// place the joint. If the best clock is right, another with e' costs D more in a cell, a joint
     /// in a part of the recording, in proportion to d = Σ ρ(e' − e): T is the slope of D over d
     /// by the error that allows cells their own noise (White 1980).
-    pub fn lags(&self, rig: &[Placed], view: usize, points: &[Vector3<f64>]) -> Lags {
-        let (most, now, given) = (self.most_offset(), rig[view].clock, self.given[view].clock);
-        let whole = (-most..=most).map(|lag| now + lag as f64).filter(|clock| *clock != given);
-        let tried = std::iter::once(given).chain(whole);
+    pub fn lags(&self, rig: &[Placed], view: usize, points: Option<&[Vector3<f64>]>) -> Lags {
+        let others: Vec<bool> = (0..rig.len()).map(|i| i != view).collect();
+        let own = points.is_none().then(|| self.scene.points(self.frames, rig, &others));
+        let points = points.or(own.as_deref()).unwrap_or_default();
+        let (most, now) = (self.most_offset(), rig[view].clock);
+        let errors = |clock: f64| (clock, self.passing(rig, view, clock, points, own.is_some()));
         let mut all: Vec<(f64, Errors)> =
-            tried.map(|clock| (clock, self.passing(rig, view, clock, points))).collect();
+            (-most..=most).map(|lag| errors(now + lag as f64)).collect();
         let known = |errors: &Errors| errors.iter().flatten().count();
         let enough = LEAST.max(all.iter().map(|(_, errors)| known(errors)).max().unwrap_or(0) / 2);
         all.retain(|(_, errors)| known(errors) >= enough);
@@ -158,7 +159,7 @@ impl Scope<'_> {
             |errors: &Errors| errors.iter().flatten().map(cost).sum::<f64>() / known(errors) as f64;
         let rated = all.iter().map(|(clock, errors)| (mean(errors), *clock, errors));
         let Some((_, best, least)) = rated.min_by(|a, b| a.0.total_cmp(&b.0)) else {
-            return Lags { given, best: now, all: Vec::new() };
+            return Lags { best: now, all: Vec::new() };
         };
         let n = self.scene.n_joints();
         let against = |errors: &Errors| {
@@ -177,21 +178,23 @@ impl Scope<'_> {
             if slope > 0.0 { log_odds(slope / error, cells.len()) } else { 0.0 }
         };
         let all = all.iter().map(|(clock, errors)| (*clock, against(errors))).collect();
-        Lags { given, best, all }
+        Lags { best, all }
     }
 
-    /// The lags of a camera of a rig, whose joints the others place.
-    pub fn lags_in(&self, rig: &[Placed], view: usize) -> Lags {
-        let others: Vec<bool> = (0..rig.len()).map(|i| i != view).collect();
-        self.lags(rig, view, &self.scene.points(self.frames, rig, &others))
-    }
-
-    /// Errors of the detections of a view with another clock, mm, less those that last. Of two
-    /// cameras, both place the joints.
-    fn passing(&self, rig: &[Placed], view: usize, clock: f64, points: &[Vector3<f64>]) -> Errors {
+    /// Errors of the detections of a view with another clock, mm, less those that last, which
+    /// two cameras place `again`.
+    fn passing(
+        &self,
+        rig: &[Placed],
+        view: usize,
+        clock: f64,
+        points: &[Vector3<f64>],
+        again: bool,
+    ) -> Errors {
         let mut cameras = rig.to_vec();
         cameras[view].clock = clock;
-        let pair = (rig.len() == 2).then(|| self.scene.points(self.frames, &cameras, &[true; 2]));
+        let pair =
+            (again && rig.len() == 2).then(|| self.scene.points(self.frames, &cameras, &[true; 2]));
         let (n, camera) = (self.scene.n_joints(), &cameras[view]);
         let error = |(k, x): (usize, &Vector3<f64>)| {
             let sight = self.scene.sight(self.frames[k / n], view, k % n, camera, false)?;
@@ -220,15 +223,15 @@ impl Scope<'_> {
     }
 
     /// What every joint costs in every part of the recording without the errors of detections that
-    /// last: before and after a change, in frames that both have.
-    pub fn moving(&self, before: &[Placed], after: &[Placed], sigma: f64) -> [Vec<f64>; 2] {
-        let last = self.scene.n_frames() as f64 - 1.0;
+    /// last, in two rigs and the frames that both have.
+    fn moving(&self, rigs: [&[Placed]; 2]) -> [Vec<f64>; 2] {
+        let (last, sigma) = (self.scene.n_frames() as f64 - 1.0, self.sigma(rigs[1]));
         let inside =
             |t: usize, camera: &Placed| (0.0..=last).contains(&(t as f64 + camera.clock.round()));
-        let there = |t: &usize| after.iter().chain(before).all(|camera| inside(*t, camera));
+        let there = |t: &usize| rigs.iter().all(|rig| rig.iter().all(|camera| inside(*t, camera)));
         let frames: Vec<usize> = self.frames.iter().copied().filter(there).collect();
         let scope = Scope { frames: &frames, ..*self };
-        [before, after].map(|cameras| {
+        rigs.map(|cameras| {
             let points = scope.scene.points(&frames, cameras, &vec![true; cameras.len()]);
             let still = vec![Freedom::default(); cameras.len()];
             let mut bundle = scope.timing(scope.bundle(cameras.to_vec(), still, points));

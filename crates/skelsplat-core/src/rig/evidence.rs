@@ -80,48 +80,33 @@ pub fn wald(
     change: &Change,
 ) -> f64 {
     let clusters = judged.costs.len();
-    let Some((theta, part)) = of_camera(&judged.covariance, unknowns, view, of, change) else {
-        return 0.0;
-    };
-    let (p, g) = (theta.len(), clusters as f64);
+    let own: Vec<usize> = of.columns().collect();
+    let place = |k: &usize| unknowns.iter().position(|unknown| *unknown == (view, *k));
+    let Some(rows) = own.iter().map(place).collect::<Option<Vec<usize>>>() else { return 0.0 };
+    let (p, g) = (rows.len(), clusters as f64);
+    let part = DMatrix::from_fn(p, p, |a, b| judged.covariance[(rows[a], rows[b])]);
+    let theta = DVector::from_fn(p, |a, _| change.parameter(own[a]));
     let Some(inverse) = part.try_inverse().filter(|_| clusters > p) else { return 0.0 };
     let square = theta.dot(&(inverse * &theta)) / p as f64;
     (square * (g - p as f64) / (g - 1.0)).max(0.0).sqrt()
 }
 
-/// The logarithm of the odds that what is free in one camera has changed: a camera is as given, or
-/// with the probability ε anywhere, θ ~ N(0, V). With the solution θ ± C,
-/// ln ε/(1−ε) + ½ θᵀC⁻¹θ − ½ ln |V|/|C| (Laplace).
+/// The logarithm of the odds that what is free in one camera has changed: it is as given, or with
+/// the probability ε anywhere, θ ~ N(0, V). The solution ± C explains ΔF more, which counts κ/φ:
+/// ln ε/(1−ε) + κ ΔF/φ − ½ ln |V|/|C| (Laplace).
 pub fn odds_changed(
-    judged: &Judged,
+    [before, after]: [&Judged; 2],
     unknowns: &[(usize, usize)],
     view: usize,
     of: Freedom,
-    change: &Change,
     prior_sigma: impl Fn(usize) -> f64,
 ) -> f64 {
-    let own = of_camera(&judged.steady, unknowns, view, of, change);
-    let own = own.and_then(|(theta, part)| Some((theta, part.cholesky()?)));
-    let Some((theta, factor)) = own else { return f64::NEG_INFINITY };
-    let known: f64 = factor.l_dirty().diagonal().iter().map(|sigma| sigma.ln()).sum();
-    let wide: f64 = of.columns().map(|k| prior_sigma(k).ln()).sum();
-    (CHANGED / (1.0 - CHANGED)).ln() + 0.5 * theta.dot(&factor.solve(&theta)) + known - wide
-}
-
-/// The change of what is free in one camera, and its covariance; `None` if it is not among the
-/// unknowns.
-fn of_camera(
-    covariance: &DMatrix<f64>,
-    unknowns: &[(usize, usize)],
-    view: usize,
-    of: Freedom,
-    change: &Change,
-) -> Option<(DVector<f64>, DMatrix<f64>)> {
     let place = |k: usize| unknowns.iter().position(|unknown| *unknown == (view, k));
-    let rows = of.columns().map(place).collect::<Option<Vec<usize>>>()?;
-    let theta = of.columns().map(|k| change.parameter(k)).collect::<Vec<f64>>();
-    let part = DMatrix::from_fn(rows.len(), rows.len(), |a, b| covariance[(rows[a], rows[b])]);
-    Some((DVector::from_vec(theta), part))
+    let rows: Vec<usize> = of.columns().filter_map(place).collect();
+    let part = DMatrix::from_fn(rows.len(), rows.len(), |a, b| after.steady[(rows[a], rows[b])]);
+    let wide: f64 = of.columns().map(|k| prior_sigma(k).ln()).sum();
+    let explained = (total(&before.costs) - total(&after.costs)) * after.evidence;
+    (CHANGED / (1.0 - CHANGED)).ln() + explained + 0.5 * part.determinant().ln() - wide
 }
 
 /// The cost of all clusters.
@@ -132,11 +117,6 @@ pub fn total(costs: &[f64]) -> f64 {
 /// Whether clusters agree that costs are higher than others.
 pub fn is_worse(costs: &[f64], others: &[f64]) -> bool {
     excess(costs, others) > AGREED
-}
-
-/// The logarithm of the odds that others explain more.
-pub fn odds(costs: &[f64], others: &[f64]) -> f64 {
-    log_odds(excess(costs, others), costs.len())
 }
 
 /// The logarithm of the odds that a difference of T standard errors over G clusters is not due to

@@ -195,7 +195,7 @@ impl Scope<'_> {
             let change = Change::between(&self.given[view], &supposed.rig.cameras[view]);
             let mut known = supposed.bars.besides(&change);
             if fault == Fault::Clock {
-                let lags = self.lags_in(&supposed.rig.cameras, view);
+                let lags = self.lags(&supposed.rig.cameras, view, None);
                 known.clock = known.clock.max(lags.range(self.given[view].clock));
             }
             learn(&mut bars[view], fault, &known);
@@ -332,11 +332,11 @@ impl Scope<'_> {
         }
         let unknowns = unknowns(&explained.freedom, self.lenses);
         let bars = bars(&explained.judged.steady, &unknowns, view);
-        let change = Change::between(&rig.cameras[view], &explained.cameras[view]);
         let bundle = self.bundle(rig.cameras.clone(), Vec::new(), points);
         let reach = bundle.reach()[view];
         let prior_sigma = |k| bundle.prior_sigma(k, reach);
-        let odds = odds_changed(&explained.judged, &unknowns, view, kind, &change, prior_sigma);
+        let judged = [&rig.judged, &explained.judged];
+        let odds = odds_changed(judged, &unknowns, view, kind, prior_sigma);
         Some(Supposed { view, fault, rig: explained, bars, odds })
     }
 
@@ -351,11 +351,9 @@ impl Scope<'_> {
     ) -> Option<Placed> {
         let mut camera = rig.cameras[view].clone();
         if kind.clock {
-            let best = self.lags(&rig.cameras, view, points).best;
-            if best == camera.clock && !self.clock {
-                return None; // Parts of a frame are not asked for.
-            }
-            camera.clock = best;
+            let best = self.lags(&rig.cameras, view, Some(points)).best;
+            // Parts of a frame may not be asked for.
+            camera.clock = Some(best).filter(|best| self.clock || *best != camera.clock)?;
         }
         let off = self.scene.distances(self.frames, points, view, &camera);
         if off.len() < LEAST {
