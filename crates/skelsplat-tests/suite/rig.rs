@@ -1,7 +1,7 @@
 //! Cameras set right: derivatives, faults of one camera, and what must not change.
 
 use nalgebra::{Rotation3, Vector2, Vector3};
-use skelsplat_core::study::rig::evidence::odds;
+use skelsplat_core::study::rig::evidence::{excess, log_odds};
 use skelsplat_core::study::rig::placed::{PARAMETERS, Sight, Step};
 use skelsplat_core::study::rig::{Change, Placed};
 use skelsplat_core::{
@@ -219,8 +219,8 @@ fn odds_are_a_ratio_of_likelihoods() {
     let squares =
         |mean: f64| -> f64 { (0..4).map(|k| before[k] - after[k] - mean).map(|d| d * d).sum() };
     let expected = 2.0 * (squares(0.0) / squares(0.7)).ln();
-    assert!((odds(&before, &after) - expected).abs() < 1e-12);
-    assert!((odds(&after, &before) + expected).abs() < 1e-12);
+    assert!((log_odds(excess(&before, &after), 4) - expected).abs() < 1e-12);
+    assert!((log_odds(excess(&after, &before), 4) + expected).abs() < 1e-12);
 }
 
 /// Clocks are known up to one that all share, and by motion, which a turned camera shows as well.

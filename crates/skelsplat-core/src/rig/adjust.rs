@@ -1,11 +1,9 @@
 //! The cameras of a recording set right.
 
-use std::cell::LazyCell;
-
 use nalgebra::Vector3;
 
 use super::bundle::{Lenses, unknowns};
-use super::evidence::{Bars, bars, excess, is_worse, total, wald};
+use super::evidence::{Bars, bars, is_worse, total, wald};
 use super::placed::{Change, Freedom, Placed, rebuilt};
 use super::reduced::Reduced;
 use super::report::{CameraAdjustment, CameraStatus, RigAdjustment};
@@ -41,8 +39,6 @@ const ALIKE: f64 = 2.0;
 const NEARER: f64 = 0.85;
 /// Part of the image's diagonal that poor detections are off.
 const POOR: f64 = 0.012;
-/// Clocks explain these frames better from this many standard errors over joints on.
-const BETTER: f64 = 0.5;
 /// Solutions with kernels that follow the noise.
 const ROUNDS: usize = 2;
 
@@ -152,9 +148,11 @@ impl Task<'_> {
         for (i, bars) in bars.iter_mut().enumerate().filter(|(i, _)| late.freedom[*i].clock) {
             let camera = &mut found.rig.cameras[i];
             let bar = bars.clock.hypot(late.cameras[i].clock - camera.clock);
-            let taken_back = Some(camera.clock).filter(|_| !found.rig.freedom[i].clock);
-            let (clock, range) = all.clock_range(&late, i, taken_back);
-            (camera.clock, bars.clock) = (clock, bar.max(range));
+            let lags = all.lags(&late.cameras, i, None);
+            if found.rig.freedom[i].clock {
+                camera.clock = lags.nearest(camera.clock, self.given[i].clock);
+            }
+            bars.clock = bar.max(lags.range(camera.clock));
         }
         if self.what.free.is_none() && !self.holds(&found.rig) {
             self.doubt(&mut found, &searched, &bars);
@@ -171,13 +169,11 @@ impl Task<'_> {
     }
 
     /// Whether every change is confirmed on all frames, and its camera fits frames that were left
-    /// out better than before and about as the others do, or clearly better: detections that are
-    /// bad for another reason also fit a little better with any wrong clock. Where cameras change
-    /// places, all together fit those frames better.
+    /// out about as the others do, or clearly better than before. Where cameras change places, they
+    /// and all together fit those frames better.
     fn holds(&self, rig: &Explanation) -> bool {
         let (before, after) = (self.left_out(self.given), self.left_out(&rig.cameras));
         let free = unknowns(&rig.freedom, Lenses::CALIBRATED);
-        let keeps_better_time = LazyCell::new(|| self.keeps_better_time(rig));
         let holds = |(i, freedom): (usize, &Freedom)| {
             let change = Change::between(&self.given[i], &rig.cameras[i]);
             let sure = wald(&rig.judged, &free, i, *freedom, &change);
@@ -186,21 +182,11 @@ impl Task<'_> {
             let poor = POOR * size[0].hypot(size[1]);
             let unexplained =
                 after[i] > ALIKE * median(others) && after[i] > (NEARER * before[i]).min(poor);
-            let worse = match freedom.turn || freedom.shift || freedom.focal {
-                true => after[i] > before[i] || total(&after) > total(&before),
-                false => !*keeps_better_time,
-            };
+            let worse = (freedom.turn || freedom.shift || freedom.focal)
+                && (after[i] > before[i] || total(&after) > total(&before));
             sure > CONFIRMED_WALD && !unexplained && !worse
         };
         rig.freedom.iter().enumerate().filter(|(_, freedom)| freedom.any()).all(holds)
-    }
-
-    /// Whether the clocks, errors that last apart, explain frames that were left out better than
-    /// before.
-    fn keeps_better_time(&self, rig: &Explanation) -> bool {
-        let scope = self.scope(&self.judged);
-        let [before, after] = scope.moving(self.given, &rig.cameras, scope.sigma(self.given));
-        excess(&before, &after) > BETTER
     }
 
     /// What was free of the cameras whose clocks may be right after all: where a movement repeats
@@ -220,7 +206,7 @@ impl Task<'_> {
         for (view, freedom) in changes.iter().enumerate().filter(|(_, freedom)| freedom.any()) {
             let fault = if freedom.turn { Fault::Place } else { Fault::Clock };
             let (rig, own) = (changed.clone(), bars[view]);
-            found.rivals.push(Supposed { view, fault, rig, bars: own, wald: 0.0 });
+            found.rivals.push(Supposed { view, fault, rig, bars: own, odds: 0.0 });
             found.rig.cameras[view] = self.given[view].clone();
             found.rig.freedom[view] = Freedom::default();
         }

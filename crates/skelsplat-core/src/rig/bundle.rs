@@ -191,7 +191,7 @@ impl Bundle<'_> {
     }
 
     /// Distance of each camera from the joints, mm.
-    fn reach(&self) -> Vec<f64> {
+    pub(super) fn reach(&self) -> Vec<f64> {
         let known = || self.points.iter().filter(|x| x.x.is_finite());
         let middle = known().sum::<Vector3<f64>>() / known().count().max(1) as f64;
         self.given.iter().map(|placed| (placed.camera.centre() - middle).norm().max(1.0)).collect()
@@ -205,7 +205,7 @@ impl Bundle<'_> {
     }
 
     /// Standard deviation of the prior of a parameter of a camera at this distance.
-    fn prior_sigma(&self, k: usize, reach: f64) -> f64 {
+    pub(super) fn prior_sigma(&self, k: usize, reach: f64) -> f64 {
         match k {
             0..3 => PRIOR_TURN,
             3..6 => PRIOR_SHIFT * reach,
@@ -428,6 +428,7 @@ impl Bundle<'_> {
             costs,
             steady: &inverse * (even / curve.powi(2)) + &held,
             covariance: jackknife + held,
+            evidence: curve / even,
             moving: Vec::new(),
         }
     }

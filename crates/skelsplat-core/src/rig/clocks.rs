@@ -8,7 +8,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::bias::LastingErrors;
 use super::bundle::{Bundle, CHUNK, PER_NOISE, unknowns};
-use super::evidence::{log_odds, odds, wald};
+use super::evidence::{excess, log_odds, wald};
 use super::placed::{Change, Freedom, Placed};
 use super::search::{CONFIRMED_WALD, Explanation, FAULT_WALD, LEAST, RAYLEIGH, Scope};
 use crate::statistics::median;
@@ -26,6 +26,41 @@ const NEXT: f64 = 2.0;
 
 /// Errors of the detections of one view, (frames, N); `None` where there is none.
 type Errors = Vec<Option<Vector2<f64>>>;
+
+/// The clocks that a camera may have, by what its detections say.
+#[derive(Debug, Clone)]
+pub struct Lags {
+    /// The one that fits best.
+    pub best: f64,
+    /// Each with the logarithm of the odds of the best one against it.
+    all: Vec<(f64, f64)>,
+}
+
+impl Lags {
+    /// Each clock with its odds against the best one, corrected for the number of clocks: at most
+    /// 1, which means tied.
+    fn odds(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+        let count = self.all.len() as f64;
+        self.all.iter().map(move |(clock, odds)| (*clock, (count * (-odds).exp()).min(1.0)))
+    }
+
+    /// Of the clocks that are tied the one nearest to the `given` one; `now` if it is next to it.
+    pub fn nearest(&self, now: f64, given: f64) -> f64 {
+        let off = |clock: &f64| (clock - given).abs();
+        let tied = self.odds().filter(|(_, odds)| *odds >= 1.0).map(|(clock, _)| clock);
+        let nearest = tied.min_by(|a, b| off(a).total_cmp(&off(b)));
+        nearest.filter(|clock| (clock - now).abs() > NEXT).unwrap_or(now)
+    }
+
+    /// How far the camera's clock may be from `clock`: the root mean square by the odds. The next
+    /// two frames either way are left to its error bar.
+    pub fn range(&self, clock: f64) -> f64 {
+        let far = self.odds().map(|(other, odds)| ((other - clock).abs(), odds));
+        let far: f64 = far.filter(|(d, _)| *d > NEXT).map(|(d, odds)| odds * d * d).sum();
+        let all: f64 = self.odds().map(|(_, odds)| odds).sum();
+        (far / all.max(1.0)).sqrt()
+    }
+}
 
 impl Scope<'_> {
     /// Takes back the clocks that are not off any more now that other faults are corrected, the
@@ -48,11 +83,11 @@ impl Scope<'_> {
         if self.clock_wald(rig, view) <= CONFIRMED_WALD || !self.is_within(rig, view) {
             return f64::NEG_INFINITY;
         }
-        let mut given = rig.cameras.clone();
+        let (now, mut given) = (&rig.cameras, rig.cameras.clone());
         given[view].clock = self.given[view].clock;
-        let [before, after] = self.moving(&given, &rig.cameras, self.sigma(&rig.cameras));
-        let lag = (rig.cameras[view].clock - given[view].clock).abs();
-        odds(&before, &after) - (STRONG * (2.0 * lag.ceil() + 1.0)).ln()
+        let lag = (now[view].clock - given[view].clock).abs();
+        let [before, after] = self.moving([&given, now]);
+        log_odds(excess(&before, &after), before.len()) - (STRONG * (2.0 * lag.ceil() + 1.0)).ln()
     }
 
     /// The rig with some clocks as given.
@@ -98,64 +133,21 @@ impl Scope<'_> {
         if n < LEAST_FRAMES { 0 } else { MOST_OFFSET.min((n / PART) as isize) }
     }
 
-    /// The whole number of frames by which a camera's clock fits best; `None` if only a part of a
-    /// frame is left, which is not asked for, or nothing fits.
-    pub fn clock_offset(
-        &self,
-        camera: &Placed,
-        view: usize,
-        points: &[Vector3<f64>],
-    ) -> Option<f64> {
-        let now = camera.clock.round();
-        let count = self.scene.distances(self.frames, points, view, camera).len();
-        let off = |shift: isize| {
-            let tried = Placed { clock: now + shift as f64, ..camera.clone() };
-            let sights = self.scene.distances(self.frames, points, view, &tried);
-            let enough = 2 * sights.len() >= count && sights.len() >= LEAST;
-            enough.then(|| median(sights.iter().map(|(px, mm)| px * mm)))
-        };
-        let most = self.most_offset();
-        let tried = (-most..=most).filter_map(|shift| Some((shift, off(shift)?)));
-        let (best, _) = tried.min_by(|a, b| a.1.total_cmp(&b.1).then(a.0.abs().cmp(&b.0.abs())))?;
-        (best != 0 || self.clock).then_some(now + best as f64)
-    }
-
-    /// A clock, and how far it may be from there: the root mean square over whole lags, by their
-    /// odds. The next two frames either way are left to its error bar. If no `clock` is named, that
-    /// of the lags that are tied which is nearest to the given one.
-    pub fn clock_range(&self, rig: &Explanation, view: usize, clock: Option<f64>) -> (f64, f64) {
-        let others: Vec<bool> = (0..rig.cameras.len()).map(|i| i != view).collect();
-        let points = self.scene.points(self.frames, &rig.cameras, &others);
-        let now = rig.cameras[view].clock;
-        let odds = self.odds_of_lags(&rig.cameras, view, now, &points);
-        let off = |clock: &f64| (clock - self.given[view].clock).abs();
-        let tied = odds.iter().filter(|(_, odds)| *odds >= 1.0).map(|(lag, _)| now + lag);
-        let nearest = tied.min_by(|a, b| off(a).total_cmp(&off(b)));
-        let other = nearest.filter(|clock| (clock - now).abs() > NEXT).unwrap_or(now);
-        let clock = clock.unwrap_or(other);
-        let far = odds.iter().map(|(lag, odds)| ((now + lag - clock).abs(), odds));
-        let far: f64 = far.filter(|(d, _)| *d > NEXT).map(|(d, odds)| odds * d * d).sum();
-        let all: f64 = odds.iter().map(|(_, odds)| odds).sum();
-        (clock, (far / all.max(1.0)).sqrt())
-    }
-
-    /// The whole lags of a clock relative to `now`, each with its odds against the one that fits
-    /// best, corrected for the number of lags tried: at most 1, which means tied.
+    /// What the detections of a view say of its clock, of that of `rig` and those a whole number of
+    /// frames from there, with joints at `points` or where the others place them.
     ///
     /// An error e of the view, less what lasts, costs ρ(e) = 1 − exp(−|e|²/4σ²) where the others
-    /// place the joint. If the best lag is right, another with e' costs D more in a cell, a joint
+    /// place the joint. If the best clock is right, another with e' costs D more in a cell, a joint
     /// in a part of the recording, in proportion to d = Σ ρ(e' − e): T is the slope of D over d
     /// by the error that allows cells their own noise (White 1980).
-    fn odds_of_lags(
-        &self,
-        rig: &[Placed],
-        view: usize,
-        now: f64,
-        points: &[Vector3<f64>],
-    ) -> Vec<(f64, f64)> {
-        let most = self.most_offset();
-        let errors = |lag: f64| (lag, self.passing(rig, view, now + lag, points));
-        let mut all: Vec<(f64, Errors)> = (-most..=most).map(|lag| errors(lag as f64)).collect();
+    pub fn lags(&self, rig: &[Placed], view: usize, points: Option<&[Vector3<f64>]>) -> Lags {
+        let others: Vec<bool> = (0..rig.len()).map(|i| i != view).collect();
+        let own = points.is_none().then(|| self.scene.points(self.frames, rig, &others));
+        let points = points.or(own.as_deref()).unwrap_or_default();
+        let (most, now) = (self.most_offset(), rig[view].clock);
+        let errors = |clock: f64| (clock, self.passing(rig, view, clock, points, own.is_some()));
+        let mut all: Vec<(f64, Errors)> =
+            (-most..=most).map(|lag| errors(now + lag as f64)).collect();
         let known = |errors: &Errors| errors.iter().flatten().count();
         let enough = LEAST.max(all.iter().map(|(_, errors)| known(errors)).max().unwrap_or(0) / 2);
         all.retain(|(_, errors)| known(errors) >= enough);
@@ -165,14 +157,14 @@ impl Scope<'_> {
         let cost = |e: &Vector2<f64>| 1.0 - (-(e / kernel).norm_squared()).exp();
         let mean =
             |errors: &Errors| errors.iter().flatten().map(cost).sum::<f64>() / known(errors) as f64;
-        let rated = all.iter().map(|(_, errors)| (mean(errors), errors));
-        let Some((_, best)) = rated.min_by(|a, b| a.0.total_cmp(&b.0)) else {
-            return Vec::new();
+        let rated = all.iter().map(|(clock, errors)| (mean(errors), *clock, errors));
+        let Some((_, best, least)) = rated.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+            return Lags { best: now, all: Vec::new() };
         };
         let n = self.scene.n_joints();
-        let odds = |errors: &Errors| {
+        let against = |errors: &Errors| {
             let mut cells = vec![[0.0; 2]; n * self.frames.len().div_ceil(CHUNK)];
-            for (k, (own, other)) in errors.iter().zip(best).enumerate() {
+            for (k, (own, other)) in errors.iter().zip(least).enumerate() {
                 if let (Some(own), Some(other)) = (own, other) {
                     let [more, due] = &mut cells[k % n + n * (k / n / CHUNK)];
                     *more += cost(own) - cost(other);
@@ -183,18 +175,26 @@ impl Scope<'_> {
             let slope = cells.iter().map(|[more, due]| more * due).sum::<f64>() / due;
             let noise = |[more, due]: &[f64; 2]| (due * (more - slope * due)).powi(2);
             let error = cells.iter().map(noise).sum::<f64>().sqrt() / due;
-            let t = if slope > 0.0 { slope / error } else { 0.0 };
-            (all.len() as f64 * (-log_odds(t, cells.len())).exp()).min(1.0)
+            if slope > 0.0 { log_odds(slope / error, cells.len()) } else { 0.0 }
         };
-        all.iter().map(|(lag, errors)| (*lag, odds(errors))).collect()
+        let all = all.iter().map(|(clock, errors)| (*clock, against(errors))).collect();
+        Lags { best, all }
     }
 
-    /// Errors of the detections of a view with another clock, mm, less those that last. Of two
-    /// cameras, both place the joints.
-    fn passing(&self, rig: &[Placed], view: usize, clock: f64, points: &[Vector3<f64>]) -> Errors {
+    /// Errors of the detections of a view with another clock, mm, less those that last, which
+    /// two cameras place `again`.
+    fn passing(
+        &self,
+        rig: &[Placed],
+        view: usize,
+        clock: f64,
+        points: &[Vector3<f64>],
+        again: bool,
+    ) -> Errors {
         let mut cameras = rig.to_vec();
         cameras[view].clock = clock;
-        let pair = (rig.len() == 2).then(|| self.scene.points(self.frames, &cameras, &[true; 2]));
+        let pair =
+            (again && rig.len() == 2).then(|| self.scene.points(self.frames, &cameras, &[true; 2]));
         let (n, camera) = (self.scene.n_joints(), &cameras[view]);
         let error = |(k, x): (usize, &Vector3<f64>)| {
             let sight = self.scene.sight(self.frames[k / n], view, k % n, camera, false)?;
@@ -223,15 +223,15 @@ impl Scope<'_> {
     }
 
     /// What every joint costs in every part of the recording without the errors of detections that
-    /// last: before and after a change, in frames that both have.
-    pub fn moving(&self, before: &[Placed], after: &[Placed], sigma: f64) -> [Vec<f64>; 2] {
-        let last = self.scene.n_frames() as f64 - 1.0;
+    /// last, in two rigs and the frames that both have.
+    fn moving(&self, rigs: [&[Placed]; 2]) -> [Vec<f64>; 2] {
+        let (last, sigma) = (self.scene.n_frames() as f64 - 1.0, self.sigma(rigs[1]));
         let inside =
             |t: usize, camera: &Placed| (0.0..=last).contains(&(t as f64 + camera.clock.round()));
-        let there = |t: &usize| after.iter().chain(before).all(|camera| inside(*t, camera));
+        let there = |t: &usize| rigs.iter().all(|rig| rig.iter().all(|camera| inside(*t, camera)));
         let frames: Vec<usize> = self.frames.iter().copied().filter(there).collect();
         let scope = Scope { frames: &frames, ..*self };
-        [before, after].map(|cameras| {
+        rigs.map(|cameras| {
             let points = scope.scene.points(&frames, cameras, &vec![true; cameras.len()]);
             let still = vec![Freedom::default(); cameras.len()];
             let mut bundle = scope.timing(scope.bundle(cameras.to_vec(), still, points));

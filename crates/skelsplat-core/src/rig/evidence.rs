@@ -9,6 +9,9 @@ use super::reduced::Judged;
 /// in twenty cases.
 const AGREED: f64 = 1.7;
 
+/// The probability that a camera is not as its calibration says.
+const CHANGED: f64 = 0.05;
+
 /// Error bars of a camera's change: root-mean-square length of the error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bars {
@@ -88,6 +91,24 @@ pub fn wald(
     (square * (g - p as f64) / (g - 1.0)).max(0.0).sqrt()
 }
 
+/// The logarithm of the odds that what is free in one camera has changed: it is as given, or with
+/// the probability ε anywhere, θ ~ N(0, V). The solution ± C explains ΔF more, which counts κ/φ:
+/// ln ε/(1−ε) + κ ΔF/φ − ½ ln |V|/|C| (Laplace).
+pub fn odds_changed(
+    [before, after]: [&Judged; 2],
+    unknowns: &[(usize, usize)],
+    view: usize,
+    of: Freedom,
+    prior_sigma: impl Fn(usize) -> f64,
+) -> f64 {
+    let place = |k: usize| unknowns.iter().position(|unknown| *unknown == (view, k));
+    let rows: Vec<usize> = of.columns().filter_map(place).collect();
+    let part = DMatrix::from_fn(rows.len(), rows.len(), |a, b| after.steady[(rows[a], rows[b])]);
+    let wide: f64 = of.columns().map(|k| prior_sigma(k).ln()).sum();
+    let explained = (total(&before.costs) - total(&after.costs)) * after.evidence;
+    (CHANGED / (1.0 - CHANGED)).ln() + explained + 0.5 * part.determinant().ln() - wide
+}
+
 /// The cost of all clusters.
 pub fn total(costs: &[f64]) -> f64 {
     costs.iter().sum()
@@ -96,11 +117,6 @@ pub fn total(costs: &[f64]) -> f64 {
 /// Whether clusters agree that costs are higher than others.
 pub fn is_worse(costs: &[f64], others: &[f64]) -> bool {
     excess(costs, others) > AGREED
-}
-
-/// The logarithm of the odds that others explain more.
-pub fn odds(costs: &[f64], others: &[f64]) -> f64 {
-    log_odds(excess(costs, others), costs.len())
 }
 
 /// The logarithm of the odds that a difference of T standard errors over G clusters is not due to

@@ -63,6 +63,8 @@ pub struct Judged {
     pub covariance: DMatrix<f64>,
     /// The same from the size of all its elements: for error bars.
     pub steady: DMatrix<f64>,
+    /// What costs count in logarithms of odds, as errors last: κ/φ, mm⁻².
+    pub evidence: f64,
     /// Cost of every cluster without the errors of detections that last: of clocks; empty where
     /// none is free.
     pub moving: Vec<f64>,
@@ -72,7 +74,7 @@ impl Judged {
     /// Nothing is known of q unknowns.
     pub fn unknown(costs: Vec<f64>, q: usize) -> Self {
         let covariance = DMatrix::from_diagonal_element(q, q, f64::INFINITY);
-        Self { costs, steady: covariance.clone(), covariance, moving: Vec::new() }
+        Self { costs, steady: covariance.clone(), covariance, evidence: 0.0, moving: Vec::new() }
     }
 
     /// With clocks as another solution judges them: the unknowns for which `is_clock` holds.
@@ -92,6 +94,7 @@ impl Judged {
             covariance: joined(&self.covariance, &clocks.covariance),
             steady: joined(&self.steady, &clocks.steady),
             costs: self.costs,
+            evidence: self.evidence,
             moving: clocks.costs,
         }
     }

@@ -11,7 +11,7 @@
 use nalgebra::Vector3;
 
 use super::bundle::{Bundle, Lenses, PER_NOISE, unknowns};
-use super::evidence::{Bars, bars, is_worse, total, wald};
+use super::evidence::{Bars, bars, is_worse, odds_changed, total};
 use super::placed::{CLOCK, Change, Freedom, Placed};
 use super::reduced::Judged;
 use super::scene::Scene;
@@ -25,17 +25,10 @@ pub(super) const LEAST: usize = 20;
 pub(super) const RAYLEIGH: f64 = 1.177_41;
 /// Least noise, pixels.
 const LEAST_PX: f64 = 0.05;
-/// A change is a fault from this Wald statistic ([`wald`]) on.
+/// A clock is off from this Wald statistic on.
 pub(super) const FAULT_WALD: f64 = 3.5;
 /// A change that was found is confirmed from this Wald statistic on where more is known.
 pub const CONFIRMED_WALD: f64 = 2.0;
-/// The least that a fault of a place explains, relative to the mean cost of a view.
-const GAIN: f64 = 0.2;
-/// What is enough from the Wald statistic [`CLEAR_WALD`] on.
-const CLEAR_GAIN: f64 = 0.02;
-/// The Wald statistic from which a change is clear.
-const CLEAR_WALD: f64 = 6.0;
-
 /// What a search may suppose.
 #[derive(Debug, Clone, Copy)]
 pub struct Scope<'a> {
@@ -90,8 +83,8 @@ pub struct Supposed {
     pub rig: Explanation,
     /// Error bars of the camera.
     pub bars: Bars,
-    /// The Wald statistic of its change: see [`wald`].
-    pub wald: f64,
+    /// The logarithm of the odds that its place changed: see [`odds_changed`].
+    pub odds: f64,
 }
 
 /// What a search found.
@@ -176,7 +169,7 @@ impl Scope<'_> {
                 progress.check()?;
                 faults.extend(self.suppose(rig, view, fault, sigma));
             }
-            faults.retain(|supposed| self.is_fault(rig, supposed, sigma));
+            faults.retain(|supposed| self.is_fault(supposed));
             if !faults.is_empty() {
                 return Ok(self.told_apart(faults, sigma));
             }
@@ -202,12 +195,11 @@ impl Scope<'_> {
             let change = Change::between(&self.given[view], &supposed.rig.cameras[view]);
             let mut known = supposed.bars.besides(&change);
             if fault == Fault::Clock {
-                let given = Some(self.given[view].clock);
-                let (_, range) = self.clock_range(&supposed.rig, view, given);
-                known.clock = known.clock.max(range);
+                let lags = self.lags(&supposed.rig.cameras, view, None);
+                known.clock = known.clock.max(lags.range(self.given[view].clock));
             }
             learn(&mut bars[view], fault, &known);
-            if full && !supposed.is_clock() && self.is_fault(&still, &supposed, sigma) {
+            if full && !supposed.is_clock() && self.is_fault(&supposed) {
                 more.push(supposed);
             }
         }
@@ -224,15 +216,15 @@ impl Scope<'_> {
         std::iter::once(best).chain(rivals).collect()
     }
 
-    /// Whether joints agree that one fault explains less than another. Clocks compare in all
-    /// frames, without the errors that last.
+    /// Whether joints agree that one fault explains less than another: clocks without the errors
+    /// that last, or in all frames with both free.
     fn explains_less(&self, supposed: &Supposed, other: &Supposed, sigma: f64) -> bool {
+        let (own, others) = (&supposed.rig.judged, &other.rig.judged);
         if !supposed.is_clock() {
-            return is_worse(&supposed.rig.judged.costs, &other.rig.judged.costs);
+            return is_worse(&own.costs, &others.costs);
         }
         let scope = Scope { frames: self.all, ..*self };
-        let [own, others] = scope.moving(&supposed.rig.cameras, &other.rig.cameras, sigma);
-        is_worse(&own, &others)
+        is_worse(&own.moving, &others.moving)
             || scope.clock_stays_off(&other.rig, other.view, supposed.view, sigma)
     }
 
@@ -340,9 +332,12 @@ impl Scope<'_> {
         }
         let unknowns = unknowns(&explained.freedom, self.lenses);
         let bars = bars(&explained.judged.steady, &unknowns, view);
-        let change = Change::between(&rig.cameras[view], &explained.cameras[view]);
-        let wald = wald(&explained.judged, &unknowns, view, kind, &change);
-        Some(Supposed { view, fault, rig: explained, bars, wald })
+        let bundle = self.bundle(rig.cameras.clone(), Vec::new(), points);
+        let reach = bundle.reach()[view];
+        let prior_sigma = |k| bundle.prior_sigma(k, reach);
+        let judged = [&rig.judged, &explained.judged];
+        let odds = odds_changed(judged, &unknowns, view, kind, prior_sigma);
+        Some(Supposed { view, fault, rig: explained, bars, odds })
     }
 
     /// One camera placed by joints that the others place.
@@ -356,7 +351,9 @@ impl Scope<'_> {
     ) -> Option<Placed> {
         let mut camera = rig.cameras[view].clone();
         if kind.clock {
-            camera.clock = self.clock_offset(&camera, view, points)?;
+            let best = self.lags(&rig.cameras, view, Some(points)).best;
+            // Parts of a frame may not be asked for.
+            camera.clock = Some(best).filter(|best| self.clock || *best != camera.clock)?;
         }
         let off = self.scene.distances(self.frames, points, view, &camera);
         if off.len() < LEAST {
@@ -374,17 +371,14 @@ impl Scope<'_> {
     }
 
     /// Whether a change is more than chance; of clocks, chance is judged when all are known.
-    fn is_fault(&self, rig: &Explanation, supposed: &Supposed, sigma: f64) -> bool {
-        if supposed.wald <= FAULT_WALD {
-            return false;
+    fn is_fault(&self, supposed: &Supposed) -> bool {
+        match supposed.is_clock() {
+            true => {
+                self.clock_wald(&supposed.rig, supposed.view) > FAULT_WALD
+                    && self.is_within(&supposed.rig, supposed.view)
+            }
+            false => supposed.odds > 0.0,
         }
-        if supposed.is_clock() {
-            let [before, after] = self.moving(&rig.cameras, &supposed.rig.cameras, sigma);
-            return self.is_within(&supposed.rig, supposed.view) && total(&before) > total(&after);
-        }
-        let [before, after] = [rig, &supposed.rig].map(|rig| total(&rig.judged.costs));
-        let gained = self.given.len() as f64 * (before - after) / before;
-        gained >= if supposed.wald > CLEAR_WALD { CLEAR_GAIN } else { GAIN }
     }
 }
 
