@@ -135,6 +135,7 @@ impl Task<'_> {
         };
         let mut bars = found.bars.clone();
         if !found.rig.freedom.iter().any(|freedom| freedom.any()) {
+            found.rivals.append(&mut found.besides);
             return Ok((found, bars));
         }
         progress.check()?;

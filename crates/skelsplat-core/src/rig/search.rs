@@ -11,7 +11,7 @@
 use nalgebra::Vector3;
 
 use super::bundle::{Bundle, Lenses, PER_NOISE, unknowns};
-use super::evidence::{Bars, bars, is_worse, odds_changed, total};
+use super::evidence::{Bars, bars, is_worse, odds_changed, total, wald};
 use super::placed::{CLOCK, Change, Freedom, Placed};
 use super::reduced::Judged;
 use super::scene::Scene;
@@ -29,6 +29,9 @@ const LEAST_PX: f64 = 0.05;
 pub(super) const FAULT_WALD: f64 = 3.5;
 /// A change that was found is confirmed from this Wald statistic on where more is known.
 pub const CONFIRMED_WALD: f64 = 2.0;
+/// A place is in doubt that explains this part of the mean cost of a view, as joints agree, but not
+/// by the odds: people contradict each other.
+const DOUBTFUL_GAIN: f64 = 0.2;
 /// What a search may suppose.
 #[derive(Debug, Clone, Copy)]
 pub struct Scope<'a> {
@@ -177,8 +180,8 @@ impl Scope<'_> {
         Ok(Vec::new())
     }
 
-    /// How far off each uncorrected camera may be if the others are right. If no more places may be
-    /// corrected, also the place that is still wrong, with its rivals.
+    /// How far off each uncorrected camera may be if the others are right. Also the place that is in
+    /// doubt, or still wrong where no more places may be corrected, with its rivals.
     fn left(&self, rig: &Explanation, progress: &Progress) -> Result<(Vec<Bars>, Vec<Supposed>)> {
         let m = rig.cameras.len();
         let full = !self.may_place(rig);
@@ -199,7 +202,10 @@ impl Scope<'_> {
                 known.clock = known.clock.max(lags.range(self.given[view].clock));
             }
             learn(&mut bars[view], fault, &known);
-            if full && !supposed.is_clock() && self.is_fault(&supposed) {
+            let is_place = !supposed.is_clock();
+            if is_place
+                && (self.explains_much(&still, &supposed) || full && self.is_fault(&supposed))
+            {
                 more.push(supposed);
             }
         }
@@ -368,6 +374,16 @@ impl Scope<'_> {
         bundle.fixed = true;
         bundle.solve(start, sigma);
         Some(bundle.cameras.swap_remove(view))
+    }
+
+    /// Whether a change of a place explains much of what a camera costs, and joints agree on it.
+    fn explains_much(&self, rig: &Explanation, supposed: &Supposed) -> bool {
+        let Supposed { view, rig: changed, .. } = supposed;
+        let [before, after] = [rig, changed].map(|rig| total(&rig.judged.costs));
+        let change = Change::between(&rig.cameras[*view], &changed.cameras[*view]);
+        let (free, of) = (unknowns(&changed.freedom, self.lenses), changed.freedom[*view]);
+        self.given.len() as f64 * (before - after) > DOUBTFUL_GAIN * before
+            && wald(&changed.judged, &free, *view, of, &change) > FAULT_WALD
     }
 
     /// Whether a change is more than chance; of clocks, chance is judged when all are known.
