@@ -167,8 +167,8 @@ JOB = rows(
         as they are and do not affect others. Requires --fps. [none]
     Output:
     * -o, --output FOLDER  Folder for the results. [required]
-    * --write FORMATS  Pose files: csv, trc, c3d, json, nc, bvh, glb, anipose.csv, npy; always pose.npz.
-        [= csv,trc]
+    * --write FORMATS  Pose files, as csv,trc,glb. Of csv, trc, c3d, json, nc, bvh, glb, anipose.csv, npy;
+        pose.npz is always written. [= csv,trc]
     * --y-up  Write TRC and C3D with y up. OpenSim expects it; the calibration must have z up.
     --marker-names STYLE  Joint names in TRC and C3D files: skelsplat (right_hip), or pose2sim (RHip), for
         its OpenSim models. [= skelsplat]
