@@ -94,7 +94,7 @@ def test_outputs_and_names_that_are_refused(room, tmp_path):
 
 def test_named_cameras_focal_lengths_and_clocks(room, tmp_path):
     out = tmp_path / "fixed.json"
-    options = ["-o", out, *LAYOUT, "--move", "CAM_3", "--focal", "--clock", "--person", 0]
+    options = ["-o", out, *LAYOUT, "--move", "CAM_3", "--focal", "--clock", "--person", "entry:0"]
     result = invoke("adjust-cameras", room / "old.toml", room / "pose", *options)
     assert result.exit_code == 0, result.output
     assert max(map(len, result.stdout.splitlines()[:-1])) <= 80  # the last has the path

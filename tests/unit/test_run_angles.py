@@ -101,8 +101,8 @@ def test_cameras_without_a_vertical_leave_out_trunk_and_pelvis(finished_run, tmp
 
 
 def test_a_layout_without_angles_is_refused_before_the_work():
-    with pytest.raises(sk.InvalidInputError, match=r"angles: expected a layout with names.*, got hand21"):
-        check_angles(sk.layouts.get("hand21"))
+    with pytest.raises(sk.InvalidInputError, match=r"angles: expected a layout with angles.*, got fly38"):
+        check_angles(sk.layouts.get("fly38"))
 
 
 # plot

@@ -62,8 +62,8 @@ _ROWS = (
         * --clock  Also find clocks, up to 10 s and to parts of a frame: cameras without a common trigger.
         --fps HZ  Frame rate, which --clock needs. [as files or videos state it]
         Input:
-        * --person WHO  Use one of several people. N: entry N of each file, from 0; largest: the largest in
-            each image. [all people]
+        * --person WHO  Use one of several people. largest: the largest in each image; entry:N: entry N of
+            each file, from 0. [all people]
         """,
         stature=float,
         distance={"kind": tuple[str, str, float]},

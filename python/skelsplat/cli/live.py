@@ -40,7 +40,9 @@ OPTIONS = (
         Over time:
         --fps HZ  Frames per second, one line each, also where nothing is detected: the past then predicts.
             [every frame by itself]
-        --lag FRAMES  Answer so many frames later, from the frames before and after. Requires --fps. [= 0]
+        --lag FRAMES  Answer so many frames later, from the frames before and after: the first N lines are
+            answered {"waiting": 1}, …, each further line with the frame N before, and the end of the input
+            with the last N. Requires --fps. [= 0]
         --people all|N  Follow everybody, or at most N people, and find out who is who. Requires --fps.
             [one person]
         """,
@@ -107,7 +109,8 @@ def live(
         session = Session(rig, known, config, fps=fps, lag=lag, people=people)
         if not quiet:
             cameras = f"{len(rig)} cameras ({', '.join(rig.names)})"
-            say(f"ready: {cameras}, {known.n_joints} joints ({known.name}), in {rig.unit}", err=True)
+            later = f"; each line is answered with the frame {lag} before" if lag else ""
+            say(f"ready: {cameras}, {known.n_joints} joints ({known.name}), in {rig.unit}{later}", err=True)
         gc.freeze()  # what has been imported is not searched for garbage again, which takes 10 ms
         try:
             status = _serve(session, sys.stdin.buffer, sys.stdout.buffer)
@@ -128,10 +131,9 @@ def _serve(session: Session, source: BinaryIO, target: BinaryIO) -> int:
             except MalformedLineError as error:
                 say(f"line {number}: skipped: {error}", err=True)
                 answer = error.line(number)
-            if answer is not None:
-                target.write(answer)
-                target.flush()
-        target.write(session.rest() or b"")
+            target.write(answer)
+            target.flush()
+        target.write(session.rest())
         target.flush()
     except KeyboardInterrupt:
         return INTERRUPTED

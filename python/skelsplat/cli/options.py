@@ -124,8 +124,8 @@ JOB = rows(
         (.toml), or file: the joints as the detections name them. [found from the joint names in the files]
     * --person WHO  Person to follow. consistent: whom the views agree on. Or one of all, followed over time:
         N, from 0 in the order of appearance; largest; moves-most; CAMERA:X,Y, whoever is at that pixel when
-        the camera first sees a person. If the frame rate is unknown, N is entry N of each file, and largest
-        the largest in each image: not always the same person. [= consistent]
+        the camera first sees a person. entry:N: entry N of each file, from 0, not always the same person;
+        nor is largest if the frame rate is unknown. [= consistent]
     * --people all|N  Refine several people. Each has a folder, person_0, person_1, …: all of them, or the N
         whom the views see most. The frame rate must be known. [one person]
     --frames MODE  What to do if cameras have different frames. strict: stop (except for formats that list
@@ -209,8 +209,8 @@ CALIBRATION = tuple(row for row in JOB if row.panel == "Calibration")
 _JUDGED_BY = """
     Input:
     * --person WHO  By whom the cameras are judged. everybody: all on whom three views agree; consistent: only
-        the person on whom they agree best; largest: the largest in each image; N: entry N of each file,
-        from 0. [= everybody]
+        the person on whom they agree best; largest: the largest in each image; entry:N: entry N of
+        each file, from 0. [= everybody]
     """
 RECORDING = (
     *of_job("layout"),

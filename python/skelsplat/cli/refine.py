@@ -170,7 +170,7 @@ def demo(
 def _recalibrated(job: Job) -> Job:
     """Return the job with cameras that are found from its detections, as without a calibration."""
     calibration, detections = Path(job.calibration), Path(job.detections)
-    found = calibrate_cameras(detections, calibration, layout=job.layout, person="0")
+    found = calibrate_cameras(detections, calibration, layout=job.layout, person="entry:0")
     path = calibration.with_name("Found.toml")
     write_calibration(path, found.found.cameras, note="skelsplat demo --no-calibration", adjusted=True)
     return replace(job, calibration=path, unit="mm", adjust_cameras=False)

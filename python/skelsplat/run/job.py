@@ -77,8 +77,8 @@ class Job(Writing):
     #: ``"consistent"``: the person the views agree on. The others follow people over time, as
     #: `skelsplat.track`, and choose one: a number from 0, the identity; ``"largest"``: whoever is largest in
     #: the images; ``"moves-most"``; a point ``"cam01:640,360"``: whoever is there in the first frame in which
-    #: that camera sees somebody. Without a frame rate, a number is the place in each file and ``"largest"``
-    #: the largest in each image, which need not be one person.
+    #: that camera sees somebody. These need a frame rate, without which ``"largest"`` is the largest in each
+    #: image; ``"entry:0"`` is the first in each file. Both need not be one person.
     person: str | int = "consistent"
     #: For `run_people`: ``"all"``, or a number: those whom the views see most. None: one person.
     people: str | int | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,12 +15,15 @@ from skelsplat._arrays import Index
 from skelsplat._clocks import parted, rounded
 from skelsplat._fields import FRAME_LIMIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.findings import Finding, Subject, warn
 from skelsplat.io._files import frame_number, natural
 from skelsplat.io.detections._format import View
 from skelsplat.io.detections._match import camera_called
 
 FrameMode = Literal["strict", "intersection", "union"]
 FRAME_MODES = ("strict", "intersection", "union")
+_FEW = 0.1  # of the frames: where more are missing, the numbers are not those of a whole recording
+_NAMED = 3  # spans of missing frames that a message names
 _LAST = re.compile(r"\d+(?=\D*$)")  # the last integer in a name
 _OTHER_MODES = '; frames="intersection" reads those that all have, frames="union" every frame'
 
@@ -80,7 +83,32 @@ def shared_frames(
         shared = shared[:0] if alone else union
     if mode != "union" and not len(shared):
         raise DatasetError(root, "frames", f"frames that all {kind}s have{after}", _told(common))
+    _warn_of_gaps({labels[name]: view.frames for name, view in views.items() if not view.sparse})
     return union if mode == "union" else shared
+
+
+def _warn_of_gaps(frames: Mapping[str, Index]) -> None:
+    """Warn of frames that are missing here and there within recordings that have most."""
+    missing = dict[str, list[int]]()
+    for label, own in frames.items():
+        count = int(own[-1] - own[0]) + 1 - len(own) if len(own) else 0
+        if 0 < count <= _FEW * len(own):
+            gaps = [range(a + 1, b) for a, b in pairwise(own.tolist()) if b - a > 1]
+            missing[label] = [*chain.from_iterable(gaps)]
+    if missing:
+        each = ", ".join(f"{_numbers(numbers)} in {label}" for label, numbers in missing.items())
+        subject = Subject(frames=tuple(sorted(set(chain.from_iterable(missing.values())))))
+        words = f"Frames without a file or a row: {each}."
+        warn(Finding("frames_missing", "warning", subject, {"missing": missing}, sentence=words))
+
+
+def _numbers(frames: Sequence[int]) -> str:
+    """Return "3, 7 to 9", or of many the first and how many more."""
+    starts = [k for k, frame in enumerate(frames) if not k or frame != frames[k - 1] + 1]
+    spans = [(frames[a], frames[b - 1]) for a, b in pairwise([*starts, len(frames)])]
+    words = [str(a) if a == b else f"{a} to {b}" for a, b in spans[:_NAMED]]
+    more = sum(b - a + 1 for a, b in spans[_NAMED:])
+    return ", ".join(words) + (f" and {more} more" if more else "")
 
 
 def _alike(several: Sequence[Index]) -> bool:
@@ -104,9 +132,10 @@ def _told(frames: Mapping[str, Index]) -> str:
     """Say how many frames each has, and which is the first that one lacks."""
     counts = [f"{len(own)} in {name}" for name, own in frames.items()]
     spans = [f" ({own[0]} to {own[-1]})" if len(own) else "" for own in frames.values()]
-    first = np.setdiff1d(_joined(np.union1d, frames), _joined(np.intersect1d, frames))[0]
-    without = ", ".join(name for name, own in frames.items() if first not in own)
-    return f"{', '.join(map(str.__add__, counts, spans))}; no frame {first} in {without}"
+    union = _joined(np.union1d, frames)
+    lacking = {name: np.setdiff1d(union, own).tolist() for name, own in frames.items()}
+    missing = [f"no frame {_numbers(numbers)} in {name}" for name, numbers in lacking.items() if numbers]
+    return f"{', '.join(map(str.__add__, counts, spans))}; {', '.join(missing)}"
 
 
 def frame_files(folder: Path, pattern: str, expected: str, advice: str = "") -> dict[int, Path]:
