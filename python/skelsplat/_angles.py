@@ -161,11 +161,11 @@ class Angle:
 
     @property
     def at(self) -> set[str]:
-        """Joints at which it is: those of the limb that a further direction has, or where the limb begins."""
-        limb, *others = (
-            [set(point) for point in ends] for ends in self.directions if not isinstance(ends, str)
-        )
-        return set().union(*limb) & set().union(*(point for ends in others for point in ends)) or limb[0]
+        """Joints at which it is: where its limb meets another direction, or begins; all if it leans."""
+        limb, *others = ([set(point) for point in ends] for ends in self.directions if ends != UP)
+        if self.leans:
+            return limb[0] | limb[1]
+        return (limb[0] | limb[1]) & set().union(*chain.from_iterable(others)) or limb[0]
 
     @property
     def leans(self) -> bool:
