@@ -150,9 +150,9 @@ class Layout:
         Known lengths of limbs, in mm, and their standard deviations, which ``bone_lengths_mm`` of
         the configuration replaces.
     angles : sequence of (name, joints, sign, offset)
-        Joint angles, ``offset + sign * angle`` in degrees, which `joint_angles` returns as well or, of
-        the same name, instead: of three joints a, b, c that between a→b and b→c, of four that
-        between a→b and c→d, 0 to 180.
+        Joint angles, ``offset + sign * angle`` in degrees, which `joint_angles` returns as well, or
+        instead of those with the same name. Three joints a, b, c: the angle between a→b and b→c,
+        0 to 180; four: that between a→b and c→d.
     human : bool
         This is a person's body, whose joints are named as in the built-in layouts: bones with known
         ends have the proportions of the population, and joints the published errors of detectors.

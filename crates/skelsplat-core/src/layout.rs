@@ -29,13 +29,13 @@ pub struct KnownLength {
     pub sigma_mm: f64,
 }
 
-/// A joint angle of a layout's own, in degrees: `offset + sign · angle`, where `angle`, 0 to 180, is
-/// that between two segments.
+/// A joint angle of a layout's own, in degrees: `offset + sign · angle`, the angle between two
+/// segments, 0 to 180.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OwnAngle {
     /// What it is called.
     pub name: String,
-    /// Three joints a, b, c: between a→b and b→c, 0 if they are in line. Four: between a→b and c→d.
+    /// Three joints a, b, c: between a→b and b→c, 0 if in line. Four: between a→b and c→d.
     pub joints: Vec<usize>,
     /// 1 or −1.
     pub sign: f64,

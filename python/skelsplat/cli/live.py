@@ -40,9 +40,8 @@ OPTIONS = (
         Over time:
         --fps HZ  Frames per second, one line each, also where nothing is detected: the past then predicts.
             [every frame by itself]
-        --lag FRAMES  Answer so many frames later, from the frames before and after: the first N lines are
-            answered {"waiting": 1}, …, each further line with the frame N before, and the end of the input
-            with the last N. Requires --fps. [= 0]
+        --lag FRAMES  Answer each line with the frame so many before, from the frames before and after it; the
+            first lines with {"waiting": 1}, …; the last frames at the end. Requires --fps. [= 0]
         --people all|N  Follow everybody, or at most N people, and find out who is who. Requires --fps.
             [one person]
         """,

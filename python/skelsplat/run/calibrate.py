@@ -221,8 +221,7 @@ def calibrate_cameras(
     malformed, or do not fit each other or the options.
     """
     if person not in (None, "largest") and entry_of(person) is None:
-        expected = "largest or an entry of each file such as entry:0"
-        raise InvalidInputError(f"person: expected {expected}, got {person!r}")
+        raise InvalidInputError(f"person: expected largest or an entry such as entry:0, got {person!r}")
     with collected_warnings() as warnings:
         read = {name: value for name, value in (read or {}).items() if value is not None}
         _check_lenses(intrinsics, read, videos, same_focal)
