@@ -21,7 +21,7 @@ import other_tools
 import skelsplat as sk
 from docs_code import run
 from skelsplat import synthetic
-from skelsplat.io import read_calibration, sample, write_calibration
+from skelsplat.io import read_calibration, sample
 from skelsplat.io.detections._record import Record, Video, write_record
 
 if TYPE_CHECKING:
@@ -101,14 +101,6 @@ def _openpose(folder: Path) -> None:
 def _several_people(folder: Path) -> None:
     paths = sample.extract(folder, people=True)
     shutil.copytree(paths.detections, folder / "pose", ignore=lambda _, names: sorted(names)[FRAMES:])
-    rig = synthetic.ring(4, radius_mm=4500.0)
-    scene = synthetic.simulate_scene(2, rig, n_frames=FRAMES, fps=50.0, seed=3, layout="coco17")
-    write_calibration(folder / "rig.toml", rig)
-    (folder / "alphapose").mkdir()
-    joints = list(sk.layouts.get("coco17").joints)
-    detection_files.alphapose(
-        folder / "alphapose", detection_files.Take(scene.people, list(rig.names), joints)
-    )
 
 
 def _freemocap(folder: Path) -> None:

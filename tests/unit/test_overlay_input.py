@@ -125,20 +125,29 @@ def test_a_stop_leaves_finished_videos_and_no_half_one(case, videos, tmp_path, m
     assert len(read_video(tmp_path / "out" / "cam_01.mp4")[0]) == FRAMES
 
 
-def write_mp4(path, count, size, before_the_end=lambda _: None):
+def write_mp4(path, count, size):
+    noise = np.random.default_rng(0)
     with open_sink(path, 25.0) as sink:
         for number in range(count):
-            sink.write(number, np.full((size[1], size[0], 3), 200, dtype=np.uint8))
-        before_the_end(sink)
+            sink.write(number, noise.integers(0, 255, (size[1], size[0], 3), dtype=np.uint8))
 
 
-def test_a_video_that_was_cut_short_is_an_error(tmp_path):
-    """As on a full disk, of which OpenCV's writer says nothing."""
+def test_videos_are_what_browsers_play(tmp_path):
+    write_mp4(tmp_path / "short.mp4", 5, (63, 40))
+    with pytest.importorskip("av", reason="PyAV is not installed").open(str(tmp_path / "short.mp4")) as video:
+        (stream,) = video.streams
+        assert (stream.codec_context.name, stream.codec_context.pix_fmt) == ("h264", "yuv420p")
+        assert (stream.width, stream.height, stream.frames, stream.average_rate) == (64, 40, 5, 25)
 
-    def cut(sink):
-        sink._writer.release()
-        sink._temporary.write_bytes(sink._temporary.read_bytes()[:100])
 
-    with pytest.raises(DatasetError, match="expected 3 frames to be written, got 0"):
-        write_mp4(tmp_path / "cut.mp4", 3, (16, 16), cut)
+def test_a_video_that_does_not_fit_is_an_error(tmp_path):
+    """As on a full disk."""
+    resource = pytest.importorskip("resource", reason="no limits of file sizes on this platform")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))
+    try:
+        with pytest.raises(DatasetError, match=r"long\.mp4: output: expected a path that can be written"):
+            write_mp4(tmp_path / "long.mp4", 60, (160, 120))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert not list(tmp_path.iterdir())

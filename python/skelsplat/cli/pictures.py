@@ -100,10 +100,7 @@ def plot(
     return Answer(document, show)
 
 
-_OVERLAY_EPILOG = (
-    "Videos are MP4 with MPEG-4 part 2 (mp4v), which VLC and most players play but browsers do not; ffmpeg "
-    "-i cam01.mp4 -c:v libx264 web.mp4 converts them. Needs pip install 'skelsplat\\[video]'."
-)
+_OVERLAY_EPILOG = "Videos are MP4 (H.264). Needs pip install 'skelsplat\\[video]'."
 _OVERLAY_OPTIONS = rows(
     """
     RUN  Output folder of refine or demo.

@@ -7,6 +7,7 @@ import os
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy.typing as npt
 
 from skelsplat._atomic import atomic_path, atomic_write, opening
 from skelsplat._budget import read_bytes
-from skelsplat._optional import opencv
+from skelsplat._optional import opencv, require
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._files import VIDEO_SUFFIXES, natural
 from skelsplat.io.detections._frames import frame_files
@@ -25,8 +26,11 @@ IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 Image = npt.NDArray[np.uint8]
 Size = tuple[int, int]
 
-# The only fast encoder in OpenCV's wheels that MP4 takes; H.264 is not in them.
-_CODEC = "mp4v"
+# H.264, which browsers and slides play; OpenCV's wheels have no encoder for it. A frame is 10 ms.
+_CODEC, _SPEED, _QUALITY = "libx264", "veryfast", "20"
+_FIRST = {"movflags": "faststart"}  # its index before the frames: it plays while it loads
+# Most frames per second and parts of one that MP4 states exactly: 30000/1001 and the like.
+_PARTS = 1001
 _PLAIN = 226  # level of a plain frame: light, as dark limbs are drawn on it
 _BORDER = 0.002  # of its longer side
 _CHOOSE = "or draw only the cameras that have one (chosen=)"
@@ -276,44 +280,40 @@ class _Mp4Sink(FrameSink):
 
     def __init__(self, path: Path, rate: float, stack: ExitStack) -> None:
         super().__init__(path)
-        self._rate, self._stack = rate, stack
-        self._temporary: Path | None = None
-        self._writer: Any = None
+        self._rate, self._stack = Fraction(rate).limit_denominator(_PARTS), stack
+        self._av = require("av", "videos", "video")
+        self._video: Any = None
 
     def write(self, number: int, image: Image) -> None:
         del number
         even = np.pad(image, [(0, image.shape[0] % 2), (0, image.shape[1] % 2), (0, 0)], mode="edge")
-        if self._writer is None:
+        if self._video is None:
             self._open(_size(even))
-        self._writer.write(even)
+        for packet in self._stream.encode(self._av.VideoFrame.from_ndarray(even, format="bgr24")):
+            self._video.mux(packet)
         self.count += 1
 
     def _open(self, size: Size) -> None:
-        self._temporary = self._stack.enter_context(atomic_path(self.path, ".mp4"))
-        code = opencv().VideoWriter_fourcc(*_CODEC)
-        writer = opencv().VideoWriter(str(self._temporary), opencv().CAP_FFMPEG, code, self._rate, size)
-        if not writer.isOpened():
-            expected = f"an {_CODEC} video of {size[0]}×{size[1]} at {self._rate:g} per second to be written"
-            raise DatasetError(self.path, "output", expected, "a refusal of OpenCV")
-        self._stack.callback(writer.release)
-        self._writer, self.size = writer, size
+        temporary = self._stack.enter_context(atomic_path(self.path, ".mp4"))
+        self._video = self._stack.enter_context(self._av.open(str(temporary), "w", options=_FIRST))
+        options = {"preset": _SPEED, "crf": _QUALITY}
+        self._stream = self._video.add_stream(_CODEC, rate=self._rate, options=options)
+        self._stream.width, self._stream.height = self.size = size
+        self._stream.pix_fmt = "yuv420p"
 
     def close(self) -> None:
-        """Finish the video and read its header back: a full disk is no error to OpenCV's writer."""
-        if self._writer is not None:
-            self._writer.release()
-            capture = opencv().VideoCapture(str(self._temporary), opencv().CAP_FFMPEG)
-            count = int(capture.get(opencv().CAP_PROP_FRAME_COUNT)) if capture.isOpened() else 0
-            capture.release()
-            if count != self.count:
-                raise DatasetError(self.path, "output", f"{self.count} frames to be written", f"{count}")
+        """Write what the encoder still holds."""
+        if self._video is not None:
+            for packet in self._stream.encode():
+                self._video.mux(packet)
+            self._video.close()
 
 
 @contextmanager
 def open_sink(path: Path, rate: float | None) -> Iterator[FrameSink]:
     """Open a video of `rate` frames per second for writing, or without a rate a folder of PNG files.
 
-    The video, MP4 in MPEG-4 part 2, appears under its name when the block ends without an exception. All its
+    The video, MP4 in H.264, appears under its name when the block ends without an exception. All its
     frames have the size of the first; a width or height that is odd is made even by repeating the last column
     or row. One without frames is not written. PNG files are named by the frame's number; each is whole or not
     there, and their folder is made with the first.
