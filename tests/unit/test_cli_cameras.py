@@ -95,7 +95,10 @@ def refined_px(room, detections, out, *given):
 
 
 def test_the_order_that_is_printed_puts_exchanged_cameras_right(room, tmp_path):
-    assert "  --order cam2,cam1,cam3,cam4" in check(room, "exchanged").stdout.splitlines()
+    lines = check(room, "exchanged").stdout.splitlines()
+    assert "Try --order cam2,cam1,cam3,cam4." in "\n".join(lines)
+    assert lines[-2] == "To refine with all of this corrected:"
+    assert lines[-1].endswith(" --layout h36m17 --order cam2,cam1,cam3,cam4 -o out")
     order = options(json.loads(check(room, "exchanged", "--json").stdout), "cameras_exchanged")
     assert check(room, "exchanged", *order).exit_code == 0
     right = refined_px(room, "pose", tmp_path / "pose")

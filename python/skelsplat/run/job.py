@@ -39,7 +39,8 @@ class Writing:
     y_up: bool = False
     #: and call the joints in them as one of `skelsplat.io.poses.MARKER_NAMES`.
     marker_names: str = MARKER_NAMES[0]
-    #: Write the joint angles as well, `skelsplat.joint_angles`: ``angles.csv``, ``.npz`` and ``.mot``.
+    #: Write the joint angles as well, `skelsplat.joint_angles`: ``angles.csv``, ``.npz`` and ``.mot``; of a
+    #: person who walks also ``strides.csv``.
     angles: bool = False
     #: Write what OpenSim needs for inverse kinematics into ``opensim``, `skelsplat.io.poses.OPENSIM_FILES`.
     opensim: bool = False
