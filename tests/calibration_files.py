@@ -248,6 +248,100 @@ def human36m(folder: Path, views):
     return path
 
 
+def human36m_h5(folder: Path, views):
+    """Write cameras.h5 of 3d-pose-baseline: rotations transposed, texts as the numbers of characters."""
+    import h5py
+
+    path = folder / "cameras.h5"
+    with h5py.File(path, "w") as file:
+        for subject, shift in ((1, 50.0), (9, 0.0)):
+            for i, v in enumerate(views):
+                group = file.create_group(f"subject{subject}/camera{i + 1}")
+                group["R"], group["T"] = v.R.T, (v.centre + shift)[None]
+                group["f"], group["c"] = np.diag(v.K)[None, :2], v.K[None, :2, 2]
+                group["k"], group["p"] = v.distortion[None, [0, 1, 4]], v.distortion[None, 2:4]
+                group["Name"] = np.array([[ord(letter)] for letter in v.name], dtype=np.uint16)
+    return path
+
+
+def colmap(folder: Path, views):
+    """Write COLMAP's text: pixels are counted from the corner; some images have points, some none."""
+    cameras, images = ["# Camera list with one line of data per camera:"], ["# Image list", ""]
+    for i, v in enumerate(views):
+        k1, k2, p1, p2, k3 = v.distortion
+        numbers = [v.K[0, 0], v.K[1, 1], *(v.K[:2, 2] + 0.5), k1, k2, p1, p2, k3, 0.0, 0.0, 0.0]
+        cameras.append(
+            f"{i + 1} FULL_OPENCV {v.size[0]} {v.size[1]} {' '.join(map(repr, map(float, numbers)))}"
+        )
+        pose = np.roll(Rotation.from_matrix(v.R).as_quat(), 1).tolist() + (v.t / 1000).tolist()
+        images += [
+            f"{7 - i} {' '.join(map(repr, pose))} {i + 1} {v.name}.jpg",
+            "12.5 3.5 -1 7.0 2.0 4" * (i % 2),
+        ]
+    (folder / "cameras.txt").write_text("\n".join(cameras) + "\n")
+    (folder / "images.txt").write_text("\n".join(images) + "\n")
+    return folder
+
+
+def kalibr(folder: Path, views, pose="T_cn_cnm1", model="radtan"):
+    """Write camchain.yaml as PyYAML does, which breaks long lists; metres."""
+    text, before = "", None
+    for i, v in enumerate(views):
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = v.R, v.t / 1000
+        written = {"T_cn_cnm1": None if before is None else T @ np.linalg.inv(before)}
+        written = {"T_cam_imu": T, "T_imu_cam": np.linalg.inv(T), **written}[pose]
+        before = T
+        rows = [] if written is None else [f"  - {row}" for row in written.tolist()]
+        k1, k2, p1, p2 = v.distortion[:4].tolist()
+        values = [v.K[0, 0], v.K[1, 1], v.K[0, 2], v.K[1, 2]]
+        lines = [
+            *([f"  {pose}: # from the one before", *rows] if rows else []),
+            "  cam_overlaps: [1]",
+            "  camera_model: 'pinhole'",
+            f"  distortion_coeffs: [{k1}, {k2},",
+            f"    {p1}, {p2}]",
+            f"  distortion_model: {model}",
+            f"  intrinsics: {list(map(float, values))} #fu, fv",
+            f"  resolution: {list(v.size)}",
+            f"  rostopic: /cam{i}/image_raw",
+        ]
+        text += "\n".join([f"cam{i}:", *lines]) + "\n"
+    path = folder / "camchain.yaml"
+    path.write_text(text)
+    return path
+
+
+def stereo(folder: Path, views, form="one.yml", names=("M", "D")):
+    """Write OpenCV's stereo calibration of two cameras with its own library: one file, or a pair."""
+    first, second = views
+    R = second.R @ first.R.T
+    lenses = {f"{names[0]}{i + 1}": v.K for i, v in enumerate(views)}
+    lenses |= {f"{names[1]}{i + 1}": v.distortion[None] for i, v in enumerate(views)}
+    places = {"R": R, "T": (second.t - R @ first.t)[:, None] / 1000, "Q": np.eye(4)}
+    suffix = Path(form).suffix
+    parts = {f"intrinsics{suffix}": lenses, f"extrinsics{suffix}": places}
+    parts = parts if form.startswith("pair") else {form: {**lenses, **places}}
+    for name, matrices in parts.items():
+        storage = cv2.FileStorage(str(folder / name), cv2.FILE_STORAGE_WRITE)
+        for key, matrix in matrices.items():
+            storage.write(key, matrix)
+        storage.release()
+    return folder / next(iter(parts)) if form.startswith("one") else folder
+
+
+def matrices(folder: Path, views, form="json"):
+    """Write P = K [R | t] times any number, in metres."""
+    found = {v.name: -2.5 * v.K @ np.c_[v.R, v.t / 1000] for v in views}
+    if form == "json":
+        path = folder / "projections.json"
+        path.write_text(json.dumps({name: P.tolist() for name, P in found.items()}))
+        return path
+    for name, P in found.items():
+        np.savetxt(folder / f"{name}.txt", P, "%.17g")
+    return folder
+
+
 def _qtm(rotation, place, K, lens, more=""):
     """Return the elements of a pose and a lens as Qualisys and Theia3D write them."""
     r = " ".join(f'r{i + 1}{j + 1}="{rotation[i, j]:.6f}"' for i in range(3) for j in range(3))
@@ -355,6 +449,12 @@ def openpose_folders(root: Path, rig, detections):
             (root / name / f"{t:06d}_keypoints.json").write_text(json.dumps({"people": [person]}))
 
 
+# formats whose world is a camera, of two cameras, or without a lens: writer and options
+OTHERS = {
+    "kalibr": (kalibr, {}),
+    "opencv-stereo": (lambda folder, views: stereo(folder, views[:2]), {"unit": "m", "size": (1000, 1000)}),
+    "matrices": (matrices, {"unit": "m", "size": (1000, 1000)}),
+}
 NAMES = ["54138969", "55011271", "58860488", "60457274"]
 # format → writer, options, names in the rig, unit, largest difference in px (digits that the format keeps)
 FULL = 1e-9
@@ -370,6 +470,8 @@ FORMATS_WRITTEN = {
     "openpose": (openpose, {"size": dict.fromkeys(NAMES, (1000, 1002))}, NAMES, "m", FULL),
     "panoptic": (panoptic, {}, NAMES, "cm", FULL),
     "human36m": (human36m, {"subject": "S9"}, NAMES, "mm", FULL),
+    "human36m-h5": (human36m_h5, {"subject": "S9"}, NAMES, "mm", FULL),
+    "colmap": (colmap, {"unit": "m"}, NAMES, "m", FULL),
     # axes to ½·10⁻⁶ at 1150 px and coefficients likewise: below 5·10⁻³ px
     "qualisys": (qualisys, {}, NAMES, "mm", 5e-3),
     "theia": (theia, {}, NAMES, "mm", 5e-3),

@@ -47,6 +47,10 @@ CASES = {
     "sleap_unturned": Case(files.sleap_unturned, "sleap", frames=False),
     "sleap_standard": Case(files.sleap_standard, "sleap", frames=False),
     "sleap_csv": Case(files.sleap_csv, "sleap_csv"),
+    "sleap_slp": Case(files.sleap_slp, "sleap_slp"),
+    "sleap_slp_cameras": Case(files.sleap_slp_cameras, "sleap_slp"),
+    "ndx_pose": Case(files.ndx_pose, "ndx_pose", people=False),
+    "ndx_pose_sleap": Case(files.ndx_pose_sleap, "ndx_pose"),
     "caliscope": Case(files.caliscope, "caliscope", confidence=False, order="sorted"),
     "caliscope_ports": Case(
         files.caliscope_ports, "caliscope", people=False, confidence=False, order="sorted"
@@ -56,6 +60,7 @@ CASES = {
     "videopose3d_custom": Case(
         files.videopose3d_custom, "videopose3d", precision=np.float32, layout="coco17", **_ALONE
     ),
+    "wide_csv": Case(files.wide_csv, "wide_csv", people=False),
     "npz": Case(files.npz, "npz"),
     "npz_cameras": Case(files.npz_cameras, "npz"),
     "csv": Case(files.plain_csv, "csv"),

@@ -398,3 +398,148 @@ def plain_csv_cameras(root: Path, take: Take) -> Path:
     for name, view in take.views():
         write_csv(root / f"{name}.csv", list(csv_lines(view, places, take.first)))
     return root
+
+
+def wide_csv(root: Path, take: Take) -> Path:
+    for name, view in take.views():
+        lines = [
+            {
+                "frame": take.first + t,
+                "timestamp": (take.first + t) / 30,
+                **{
+                    f"{joint}_{part}": "" if np.isnan(value) else value
+                    for joint, values in zip(take.joints, frame[0], strict=True)
+                    for part, value in zip(("x", "y", "likelihood"), values, strict=True)
+                },
+            }
+            for t, frame in enumerate(view)
+        ]
+        write_csv(root / f"{name}.csv", lines)
+    return root
+
+
+def _slp_table(rows: list[tuple], **columns: str) -> np.ndarray:
+    return np.array(rows, dtype=list(columns.items()))
+
+
+def slp_file(path: Path, take: Take, videos: list[int], *, users=(), track=-1, format_id=1.3) -> None:
+    """Write a SLEAP project; people in the places `users` were corrected and have a prediction besides."""
+    import h5py
+
+    made = [{"py/reduce": [{"py/type": "sleap.skeleton.EdgeType"}, {"py/tuple": [k]}]} for k in (1, 2)]
+    kinds = [made[0], {"py/id": 1}, made[1], {"py/id": 2}]  # two edges, two pairs of symmetry
+    links = [
+        {"key": 0, "source": source, "target": target, "type": kind}
+        for (source, target), kind in zip([(2, 0), (0, 1), (1, 2), (2, 1)], kinds, strict=True)
+    ]
+    order = [*range(len(take.joints))][::-1]  # of the nodes in the skeleton
+    about = {
+        "version": "2.0.0",
+        "skeletons": [{"directed": True, "links": links, "nodes": [{"id": k} for k in order]}],
+        "nodes": [{"name": joint, "weight": 1.0} for joint in take.joints],
+    }
+    frames, instances, points, guesses = [], [], [], []
+    for video, m in enumerate(videos):
+        for t, frame in enumerate(take.people[:, m]):
+            first = len(instances)
+            for p, person in enumerate(persons(frame)):
+                for user in (False, True) if p in users else (False,):
+                    table = points if user else guesses
+                    linked = len(instances) - 1 if user and track < 0 else -1
+                    wrong = 9.0 if p in users and not user else 0.0
+                    for x, y, c in person[order] + wrong:
+                        sees = bool(np.isfinite(x))
+                        score = () if user else (c - wrong,)
+                        table.append((x if sees else 5.0, y if sees else 5.0, sees, False, *score))
+                    ends = (len(table) - len(order), len(table))
+                    row = (len(instances), not user, len(frames), 0, track, linked, 0.9, *ends, 0.0)
+                    instances.append(row)
+            frames.append((len(frames), video, take.first + t, first, len(instances)))
+    point = {"x": "<f8", "y": "<f8", "visible": "?", "complete": "?"}
+    rows = {"instance_id": "<i8", "instance_type": "u1", "frame_id": "<u8", "skeleton": "<u4", "track": "<i4"}
+    ends = {"from_predicted": "<i8", "score": "<f4", "point_id_start": "<u8", "point_id_end": "<u8"}
+    places = {"frame_id": "<u8", "video": "<u4", "frame_idx": "<u8"}
+    bounds = {"instance_id_start": "<u8", "instance_id_end": "<u8"}
+    files = [{"filename": f"C:\\\\lab\\\\{take.names[m]}.mp4"} for m in videos]
+    texts = [json.dumps({**one, "backend": one}) for one in files]
+    with h5py.File(path, "w") as file:
+        file.create_group("metadata").attrs["format_id"] = format_id
+        file["metadata"].attrs["json"] = np.bytes_(json.dumps(about))
+        file["frames"] = _slp_table(frames, **places, **bounds)
+        file["instances"] = _slp_table(instances, **rows, **ends, tracking_score="<f4")
+        file["points"] = _slp_table(points, **point)
+        file["pred_points"] = _slp_table(guesses, **point, score="<f8")
+        file.create_dataset("videos_json", data=texts, dtype=h5py.string_dtype())
+
+
+def sleap_slp(root: Path, take: Take) -> Path:
+    path = root / "labels.v001.slp"
+    slp_file(path, take, list(range(len(take.names))))
+    return path
+
+
+def sleap_slp_cameras(root: Path, take: Take) -> Path:
+    for m, name in enumerate(take.names):
+        slp_file(root / f"{name}.predictions.slp", take, [m])
+    return root
+
+
+def hourglass(root: Path, take: Take) -> Path:
+    import h5py
+
+    for name, view in take.views():
+        with h5py.File(root / f"Walking 1.{name}.h5", "w") as file:
+            file["poses"] = view[:, 0, :, :2]
+    return root
+
+
+def ndx_pose(root: Path, take: Take) -> Path:
+    """Write a container per camera as pynwb does: series share the times of the first by a link."""
+    import h5py
+
+    path = root / "session.nwb"
+    with h5py.File(path, "w") as file:
+        file.attrs["neurodata_type"] = "NWBFile"
+        file.attrs.create(".specloc", file.create_group("specifications").ref, dtype=h5py.ref_dtype)
+        skeleton = file.create_group("processing/behavior/Skeletons/body")
+        skeleton.create_dataset("nodes", data=take.joints, dtype=h5py.string_dtype())
+        skeleton["edges"] = np.array([edge for edge in EDGES if max(edge) < len(take.joints)], dtype=np.uint8)
+        for m, name in enumerate(take.names):
+            container = file.create_group(f"processing/behavior/{name}")
+            container.attrs["neurodata_type"] = "PoseEstimation"
+            container["body"] = h5py.SoftLink("/processing/behavior/Skeletons/body")
+            container["scorer"] = "DLC"
+            for k, joint in enumerate(take.joints):
+                series = container.create_group(joint)
+                series.attrs["neurodata_type"] = "PoseEstimationSeries"
+                series["data"] = take.people[:, m, 0, k, :2]
+                series["confidence"] = np.nan_to_num(take.people[:, m, 0, k, 2])
+                if k:
+                    first = f"/processing/behavior/{name}/{take.joints[0]}/timestamps"
+                    series["timestamps"] = h5py.SoftLink(first)
+                else:
+                    series["timestamps"] = take.frames / 30
+    return path
+
+
+def ndx_pose_sleap(root: Path, take: Take) -> Path:
+    """Write a container per animal as sleap-io does: without frames that lack a node, else with a rate."""
+    import h5py
+
+    path = root / "labels.nwb"
+    with h5py.File(path, "w") as file:
+        for m, name in enumerate(take.names):
+            for p in range(take.people.shape[2]):
+                container = file.create_group(f"processing/SLEAP_VIDEO_{m:03}_{name}/track=track_{p}")
+                for k, joint in enumerate(take.joints):
+                    view = take.people[:, m, p, k]
+                    seen = np.isfinite(view).all(axis=1)
+                    series = container.create_group(joint)
+                    series.attrs["neurodata_type"] = "PoseEstimationSeries"
+                    series["data"], series["confidence"] = view[seen, :2], view[seen, 2]
+                    if seen.all():
+                        series["starting_time"] = take.first / 30
+                        series["starting_time"].attrs["rate"] = 30.0
+                    else:
+                        series["timestamps"] = take.frames[seen] / 30
+    return path

@@ -17,7 +17,7 @@ import numpy as np
 import calibration_files
 import skelsplat as sk
 from detection_cases import CASES
-from detection_files import Take
+from detection_files import Take, hourglass
 from fuzz import mutate
 from pose_sample import sample
 from skelsplat import datasets, layouts, synthetic
@@ -31,7 +31,7 @@ from skelsplat.io import (
     read_skeleton,
     write_pose,
 )
-from skelsplat.io.poses import POSE_FORMATS
+from skelsplat.io.poses import READ
 from skelsplat.run import Run
 from writers import human36m, occlusion_person, panoptic, shelf_campus
 
@@ -61,6 +61,11 @@ def _detections(name: str, frames: str) -> Callable[[Path], Reader]:
         return lambda root: read_detections(root / path, RIG, layout=case.layout, **options)
 
     return prepare
+
+
+def _hourglass(folder: Path) -> Reader:
+    hourglass(folder, Take(SEEN[:, :, None, :16], list(RIG.names), []))
+    return lambda root: read_detections(root, RIG, layout="file")
 
 
 def _skeleton(name: str) -> Callable[[Path], Reader]:
@@ -121,7 +126,7 @@ def _human36m(layout: str) -> Callable[[Path], object]:
 SAMPLES: dict[str, Callable[[Path], Reader]] = {
     **{
         f"calibration {name}": _calibration(*one[:2])
-        for name, one in calibration_files.FORMATS_WRITTEN.items()
+        for name, one in {**calibration_files.FORMATS_WRITTEN, **calibration_files.OTHERS}.items()
     },
     "calibration pyxy3d": _calibration(calibration_files.pyxy3d, {}),
     "calibration vicon": _calibration(calibration_files.vicon, {}),
@@ -129,9 +134,10 @@ SAMPLES: dict[str, Callable[[Path], Reader]] = {
         f"detections {name}": _detections(name, ("strict", "union", "intersection")[i % 3])
         for i, name in enumerate(CASES)
     },
+    "detections hourglass": _hourglass,
     "skeleton": _skeleton("sleap"),
     "skeleton of a csv": _skeleton("deeplabcut_csv"),
-    **{f"pose {kind}": _pose(kind) for kind in POSE_FORMATS},
+    **{f"pose {kind}": _pose(kind) for kind in READ},
     "layout": _layout,
     "run": _run,
     "data authors": _data("human36m", _human36m("skelsplat")),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -315,5 +314,5 @@ def test_a_folder_that_is_not_there_is_an_error(tmp_path, kind):
 
 def test_animations_are_not_read(tmp_path):
     write_pose(tmp_path / "walk.bvh", walk(), frame_rate=FPS)
-    with pytest.raises(InvalidInputError, match=re.escape("expected a name that ends in .npz")):
+    with pytest.raises(InvalidInputError, match="which is only written"):
         read_pose(tmp_path / "walk.bvh")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.io
 
 import skelsplat as sk
 from skelsplat.cameras import matrix_from_vector
@@ -148,3 +149,23 @@ def test_a_folder_with_one_calibration_is_that_calibration(write, tmp_path):
     write_calibration(tmp_path / "rig.json", read_calibration(path, unit="m"))
     with pytest.raises(sk.DatasetError, match=r"content: .*Calib\.toml, rig\.json"):
         read_calibration(tmp_path, unit="m")
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("walk.mot", "Coordinates\nversion=1\nnRows=2\nendheader\ntime knee\n"),
+        ("list.txt", "[1, 2, 3]\n[4]\n"),
+        ("list.json", "[1, 2, 3]\n"),
+    ],
+)
+def test_a_text_with_lines_like_those_of_toml_is_not_blamed_as_toml(tmp_path, name, content):
+    (tmp_path / name).write_text(content)
+    with pytest.raises(sk.DatasetError, match=f"{name}: content: expected a calibration"):
+        read_calibration(tmp_path / name, unit="m")
+
+
+def test_a_mat_file_without_cameras_is_refused_with_what_to_save(tmp_path):
+    scipy.io.savemat(tmp_path / "stereo.mat", {"stereoParams": {"ImageSize": [1080, 1920]}})
+    with pytest.raises(sk.DatasetError, match="save K, r, t, RDistort, TDistort"):
+        read_calibration(tmp_path / "stereo.mat")

@@ -125,6 +125,21 @@ def test_vicons_lens_maps_measured_pixels_to_ideal_ones_about_its_own_centre(tmp
         np.testing.assert_allclose(sk.project(world, [camera])[0], measured, atol=0.1)
 
 
+def test_a_wide_vicon_lens_is_followed_by_opencvs_rational_model(tmp_path):
+    K = np.array([[900.0, 0.0, 950.0], [0.0, 900.0, 545.0], [0.0, 0.0, 1.0]])
+    view = replace(files.reference(NAMES[:1], distortion=False)[0], K=K, size=(1920, 1080))
+    path = files.vicon(tmp_path, [view])
+    old = f'VICON_RADIAL2="Vicon3Parameter {K[0, 2] + 4} {K[1, 2] - 3} 0 0 0"'
+    path.write_text(path.read_text().replace(old, 'VICON_RADIAL="3e-7 3e-13"'))
+    (camera,) = read_calibration(path)
+    measured = np.random.default_rng(1).uniform([0, 0], [1919, 1079], (300, 2))
+    r2 = ((measured - K[:2, 2]) ** 2).sum(axis=1, keepdims=True)
+    ideal = (measured - K[:2, 2]) * (1 + 3e-7 * r2 + 3e-13 * r2**2) + K[:2, 2]
+    assert np.abs(ideal - measured).max() > 400.0
+    rays = np.c_[ideal, np.ones(300)] @ np.linalg.inv(K).T * 3000.0
+    np.testing.assert_allclose(sk.project((rays - view.t) @ view.R, [camera])[0], measured, atol=0.05)
+
+
 def test_vicons_older_lens_has_two_coefficients_about_the_principal_point(tmp_path):
     (view,) = files.reference(NAMES[:1], distortion=False)
     path = files.vicon(tmp_path, [view])
@@ -224,6 +239,19 @@ def test_easymocap_by_folder_or_by_either_file(tmp_path, views, given, header):
     np.testing.assert_allclose(sk.project(files.points() / 1000, rig), files.projected(views), atol=FULL)
 
 
+def test_easymocap_has_the_cameras_that_are_in_both_files(tmp_path, views):
+    files.easymocap(tmp_path, views)
+    every = (tmp_path / "intri.yml").read_text()
+    files.easymocap(tmp_path, views[:3])
+    (tmp_path / "intri.yml").write_text(every)
+    with pytest.warns(UserWarning, match=f"{NAMES[3]}: not in both"):
+        assert read_calibration(tmp_path, unit="m").names == tuple(NAMES[:3])
+    files.easymocap(tmp_path, [replace(views[0], name="other")])
+    (tmp_path / "intri.yml").write_text(every)
+    with pytest.raises(sk.DatasetError, match=r"extri\.yml: names"):
+        read_calibration(tmp_path, unit="m")
+
+
 def test_easymocap_as_its_own_program_writes_it(tmp_path):
     def matrix(key, rows, cols, data):
         return f"{key}: !!opencv-matrix\r\n  rows: {rows}\r\n  cols: {cols}\r\n  dt: d\r\n  data: {data}\r\n"
@@ -243,6 +271,68 @@ def test_easymocap_as_its_own_program_writes_it(tmp_path):
     assert rig[1].size == (1000, 800)
     np.testing.assert_array_equal(rig[1].distortion, [0.1, 0, 0, 0, 0])
     np.testing.assert_array_equal(rig[1].t, [2, 0, 3])
+
+
+@pytest.mark.parametrize("pose", ["T_cn_cnm1", "T_cam_imu", "T_imu_cam"])
+def test_kalibrs_chain_begins_at_the_first_camera_or_at_the_imu(tmp_path, views, pose):
+    views = [replace(v, distortion=v.distortion * [1, 1, 1, 1, 0]) for v in views]
+    rig = read_calibration(files.kalibr(tmp_path, views, pose))
+    world = files.points() / 1000
+    if pose == "T_cn_cnm1":
+        world = world @ views[0].R.T + views[0].t / 1000
+    np.testing.assert_allclose(sk.project(world, rig), files.projected(views), atol=FULL)
+    assert (rig.names, rig.unit) == (("cam0", "cam1", "cam2", "cam3"), "m")
+
+
+def test_kalibrs_equidistant_lens_is_opencvs_fisheye(tmp_path, views):
+    rig = read_calibration(files.kalibr(tmp_path, views, model="equidistant"))
+    assert all(camera.fisheye for camera in rig)
+    np.testing.assert_array_equal(rig[1].distortion, views[1].distortion[:4])
+
+
+@pytest.mark.parametrize("form", ["one.yml", "one.xml", "pair.yml", "pair.xml"])
+@pytest.mark.parametrize("names", [("M", "D"), ("K", "D"), ("cameraMatrix", "distCoeffs")])
+def test_opencvs_stereo_files_begin_at_the_first_camera(tmp_path, views, form, names):
+    path = files.stereo(tmp_path, views[:2], form, names)
+    rig = read_calibration(path, unit="m", size={"cam1": (1000, 1002), "cam2": (1000, 1000)})
+    world = (files.points() @ views[0].R.T + views[0].t) / 1000
+    np.testing.assert_allclose(sk.project(world, rig), files.projected(views[:2]), atol=FULL)
+    if form.startswith("pair"):
+        for file in tmp_path.iterdir():
+            assert read_calibration(file, unit="m", size=(1000, 1000)).names == ("cam1", "cam2")
+
+
+@pytest.mark.parametrize("form", ["json", "txt"])
+def test_projection_matrices_are_taken_apart(tmp_path, form):
+    views = files.reference(NAMES, distortion=False)
+    path = files.matrices(tmp_path, views, form)
+    with pytest.warns(UserWarning, match="no lens distortion"):
+        rig = read_calibration(path, unit="m", size=(1000, 1000))
+    assert rig.names == tuple(NAMES)
+    np.testing.assert_allclose(sk.project(files.points() / 1000, rig), files.projected(views), atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("model", "numbers", "lens", "fisheye"),
+    [
+        ("SIMPLE_PINHOLE", "900 500.5 400.5", None, False),
+        ("PINHOLE", "900 900 500.5 400.5", None, False),
+        ("SIMPLE_RADIAL", "900 500.5 400.5 0.1", [0.1, 0, 0, 0], False),
+        ("RADIAL", "900 500.5 400.5 0.1 0.2", [0.1, 0.2, 0, 0], False),
+        ("OPENCV", "900 900 500.5 400.5 0.1 0.2 0.3 0.4", [0.1, 0.2, 0.3, 0.4], False),
+        ("OPENCV_FISHEYE", "900 900 500.5 400.5 0.1 0.2 0.3 0.4", [0.1, 0.2, 0.3, 0.4], True),
+        ("RADIAL_FISHEYE", "900 500.5 400.5 0.1 0.2", [0.1, 0.2, 0, 0], True),
+    ],
+)
+def test_colmaps_models_are_opencvs(tmp_path, model, numbers, lens, fisheye):
+    (tmp_path / "cameras.txt").write_text(f"3 {model} 1000 800 {numbers}\n")
+    (tmp_path / "images.txt").write_text(
+        "1 1 0 0 0 0 0 4 3 left/0001.png\n\n2 1 0 0 0 1 0 4 3 right/0001.png\n\n"
+    )
+    rig = read_calibration(tmp_path / "images.txt", unit="m")
+    assert (rig.names, rig[0].fisheye) == (("left", "right"), fisheye)
+    np.testing.assert_array_equal(rig[0].K, [[900, 0, 500], [0, 900, 400], [0, 0, 1]])
+    np.testing.assert_array_equal([] if rig[1].distortion is None else rig[1].distortion, lens or [])
 
 
 def test_openpose_files_are_in_natural_order_and_one_file_is_a_camera(tmp_path, views):

@@ -74,6 +74,18 @@ def matlab(*, camnames=NAMES, **changes):
     return change
 
 
+def h5(name):
+    """Remove a dataset."""
+
+    def change(path):
+        import h5py
+
+        with h5py.File(path, "a") as file:
+            del file[name]
+
+    return change
+
+
 def replaced(content):
     """Put other content into the file."""
     return lambda path: path.write_bytes(content)
@@ -121,6 +133,20 @@ CASES = [
     ("easymocap", lambda path: (path / "extri.yml").unlink(), r"extri\.yml: file"),
     ("easymocap", text("rows: 3\n   cols: 1", "rows: 4\n   cols: 1", "extri.yml"), rf"extri\.yml: R_{N}"),
     ("easymocap", text(f"K_{N}: !!opencv-matrix", "something", "intri.yml"), r"intri\.yml: line 8"),
+    ("kalibr", text("T_cn_cnm1", "T_cn"), r"cam1\.T_cn_cnm1"),
+    ("kalibr", text("radtan", "fov"), r"cam0\.distortion_model"),
+    ("kalibr", text("'pinhole'", "omni"), r"cam0\.camera_model"),
+    ("kalibr", text("resolution: [1000, ", "resolution: ["), r"cam0\.resolution"),
+    ("opencv-stereo", text("D2:", "E2:"), "D2"),
+    ("opencv-stereo", text("T: !!opencv-matrix\n   rows: 3", "T: !!opencv-matrix\n   rows: 2"), "T"),
+    ("matrices", tree(lambda d: d[N].pop()), N),
+    ("matrices", tree(lambda d: d.update({N: [[0] * 4] * 3})), N),
+    ("colmap", text("FULL_OPENCV", "FOV", "cameras.txt"), "line 2"),
+    ("colmap", text(" 0.0\n", "\n", "cameras.txt"), "line 2"),
+    ("colmap", text("7 ", "7 9 ", "images.txt"), "line 3"),
+    ("colmap", lambda path: (path / "cameras.txt").rename(path / "cameras.bin"), r"cameras\.txt"),
+    ("human36m-h5", h5("subject9/camera2/T"), r"subject9/camera2\.T"),
+    ("human36m-h5", lambda path: path.write_bytes(path.read_bytes()[:900]), "file"),
     ("openpose", text("</opencv_storage>", "", f"{N}.xml"), rf"{N}\.xml: XML"),
     ("openpose", text("<rows>8", "<rows>9", f"{N}.xml"), rf"{N}\.xml: Distortion"),
     ("panoptic", cut, "JSON"),
@@ -159,7 +185,7 @@ CASES = [
 
 @pytest.mark.parametrize(("name", "change", "field"), CASES, ids=[f"{case[0]}: {case[2]}" for case in CASES])
 def test_a_malformed_file_is_named_with_its_field(tmp_path, name, change, field):
-    write, options, *_ = FORMATS_WRITTEN.get(name, (files.vicon, {}))
+    write, options, *_ = {**FORMATS_WRITTEN, **files.OTHERS}.get(name, (files.vicon, {}))
     path = write(tmp_path, files.reference(NAMES))
     change(path)
     with pytest.raises(sk.DatasetError, match=f"{field}: expected") as caught:
@@ -170,3 +196,32 @@ def test_a_malformed_file_is_named_with_its_field(tmp_path, name, change, field)
 
 def test_every_format_has_malformed_twins():
     assert {name for name, *_ in CASES} == set(FORMATS)
+
+
+UNREADABLE = {
+    "anipose": text("translation = [", "moved = ["),
+    "caliscope": text("rotation = [[", 'rotation = "null"\nold = [['),
+    "voxelpose": tree(lambda d: d[N].pop("T")),
+    "4d-association": tree(lambda d: d[N].pop("RT")),
+    "opencap": pickled(rotation=None),
+    "easymocap": text(f"dist_{N}:", f"dost_{N}:", "intri.yml"),
+    "openpose": text("</opencv_storage>", "", f"{N}.xml"),
+    "panoptic": tree(lambda d: d["cameras"][1].pop("R")),
+    "human36m": tree(lambda d: d["intrinsics"].pop(N)),
+    "qualisys": text("focalLengthU", "f"),
+    "theia": text("<transform", "<transformation"),
+    "colmap": text("FULL_OPENCV", "FOV", "cameras.txt"),
+    "json": tree(lambda d: d["cameras"][0].update(K=None)),
+}
+
+
+@pytest.mark.parametrize("name", UNREADABLE)
+def test_a_camera_that_cannot_be_read_may_be_left_out(tmp_path, name):
+    write, options, names, *_ = FORMATS_WRITTEN[name]
+    path = write(tmp_path, files.reference(NAMES))
+    UNREADABLE[name](path)
+    with pytest.raises(sk.DatasetError):
+        read_calibration(path, **options, without=[names[1]])
+    with pytest.warns(UserWarning, match=f"{names[0]}: cannot be read"):
+        rig = read_calibration(path, **options, without=[names[0].upper()])
+    assert rig.names == tuple(names[1:])

@@ -168,6 +168,20 @@ def test_its_folder_may_have_other_frames(recording, expected_without):
     assert report(folder)["without"] == [OUT]
 
 
+def test_it_need_not_be_readable_in_the_calibration(recording, expected_without):
+    folder, _, _ = recording
+    text = (folder / "Calib.toml").read_text()
+    before, after = text.split(f'"{OUT}"')
+    (folder / "Calib.toml").write_text(f'{before}"{OUT}"{after.replace("rotation", "turned", 1)}')
+    assert_fails(invoke("check-cameras", folder / "Calib.toml", *READ[:2]), 1, "rotation")
+    assert invoke("check-cameras", folder / "Calib.toml", *READ[:2], "--without", OUT).exit_code == 0
+    result = refine_without(folder, folder / "openpose")
+    assert result.exit_code == 0, result.output
+    np.testing.assert_allclose(pose(folder), expected_without, rtol=1e-9)
+    assert report(folder)["without"] == [OUT]
+    assert_fails(refine_without(folder, folder / "openpose", "--without", "cam9"), 2, "--without")
+
+
 @pytest.mark.parametrize(("name", "kept"), [("deeplabcut_csv", [0, 1, 3]), ("npz", [0, 1, 2, 3])])
 def test_files_with_all_views_or_without_the_one(recording, take, expected_without, name, kept):
     folder, rig, _ = recording

@@ -9,14 +9,14 @@ import counts
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 34_868,
+    "package": 36_690,
     "cli": 3_402,
-    "core": 19_261,
+    "core": 19_286,
     "binding": 2_712,
     "Rust tests": 6_242,
-    "Python tests": 26_891,
+    "Python tests": 27_805,
     "benchmarks and tools": 4_389,
-    "docs, words": 42_000,
+    "docs, words": 41_452,
     "README, words": 1_330,
 }
 

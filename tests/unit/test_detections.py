@@ -8,7 +8,7 @@ import pytest
 import skelsplat as sk
 from broken_detections import NAMES, anybody, write_case
 from detection_cases import CASES
-from detection_files import Take
+from detection_files import Take, hourglass, slp_file
 from skelsplat.io import read_detections
 
 T = 4
@@ -131,3 +131,92 @@ def test_zeros_with_a_confidence_are_missing_if_there_are_several(tmp_path):
     found = read_detections(path, NAMES, layout="h36m17").people
     people[0, 0, 0, 3] = people[2, 0, 1, 5] = np.nan
     np.testing.assert_array_equal(found, people)
+
+
+def test_a_wide_csv_of_mediapipe_has_parts_of_the_image_and_places(tmp_path):
+    rng = np.random.default_rng(2)
+    K = np.diag([900.0, 900.0, 1.0])
+    rig = sk.CameraRig(
+        [sk.Camera(K=K, R=np.eye(3), t=[i, 0, 5], size=(1920, 1080), name=f"cam{i}") for i in (1, 2)]
+    )
+    values = rng.uniform(0.1, 0.9, (3, 2, 33, 4))
+    header = ",".join(f"L{k}_{part}" for k in range(33) for part in ("x", "y", "z", "visibility"))
+    for m, name in enumerate(rig.names):
+        np.savetxt(
+            tmp_path / f"{name}.csv", values[:, m].reshape(3, -1), "%.17g", ",", header=header, comments=""
+        )
+    found = read_detections(tmp_path, rig)
+    assert (found.format, found.layout) == ("wide_csv", "mediapipe33")
+    np.testing.assert_array_equal(found.people[:, :, 0], values[..., [0, 1, 3]] * [1920, 1080, 1])
+    with pytest.raises(sk.DatasetError, match="keypoints: expected pixels"):
+        read_detections(tmp_path, rig.names)
+
+
+def test_a_wide_csv_of_pixels_with_many_zeros_is_none_of_parts(tmp_path):
+    (tmp_path / "cam1.csv").write_text("a_x,a_y,b_x,b_y\n" + "0,0,0,0\n" * 30 + "400,300,0,0\n")
+    camera = sk.Camera(K=np.diag([9e2, 9e2, 1]), R=np.eye(3), t=[0, 0, 5], size=(1920, 1080), name="cam1")
+    layout = sk.layouts.from_names("two", ["a", "b"], [(0, 1)])
+    found = read_detections(tmp_path, [camera], layout=layout).people
+    np.testing.assert_array_equal(found[30, 0, 0, 0], [400, 300, 1])
+
+
+@pytest.mark.parametrize("of_anipose", ["", ",nose_error,nose_ncams,nose_score"])
+def test_a_csv_of_points_in_3d_is_no_detections(tmp_path, of_anipose):
+    values = ",0.1,2,0.9" if of_anipose else ""
+    (tmp_path / "cam1.csv").write_text(f"frame,nose_x,nose_y,nose_z{of_anipose}\n0,1,2,3{values}\n")
+    with pytest.raises(sk.DatasetError, match="content"):
+        read_detections(tmp_path, ["cam1"])
+
+
+@pytest.mark.filterwarnings("ignore:The layout is that")
+@pytest.mark.parametrize("track", [-1, 3])
+def test_a_users_instance_in_sleaps_project_replaces_its_prediction(tmp_path, track):
+    people = anybody()[:, :, :1]
+    people[1, 0, 0, 4] = np.nan
+    joints = [f"node{k}" for k in range(17)]
+    take = Take(people, NAMES, joints)
+    slp_file(tmp_path / "labels.slp", take, [0, 1], users=[0], track=track)
+    found = read_detections(tmp_path / "labels.slp", NAMES, layout="file")
+    assert found.skeleton.joints == tuple(joints[::-1])
+    assert found.skeleton.limbs == ((14, 16), (16, 15))
+    people[..., 2] = np.where(np.isfinite(people[..., 0]), 1.0, np.nan)
+    np.testing.assert_array_equal(found.people, people[..., ::-1, :])
+
+
+@pytest.mark.filterwarnings("ignore:The layout is that")
+def test_sleaps_pixels_were_corners_before_version_1_1(tmp_path):
+    people = anybody()[:, :, :1]
+    slp_file(
+        tmp_path / "labels.slp", Take(people, NAMES, [f"n{k}" for k in range(17)]), [0, 1], format_id=1.0
+    )
+    found = read_detections(tmp_path / "labels.slp", NAMES, layout="file").people
+    np.testing.assert_allclose(found[..., :2], people[..., ::-1, :2] - 0.5, atol=1e-12)
+
+
+def test_nwb_without_poses_is_told(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "session.nwb", "w") as file:
+        file.create_group("processing/behavior/Position")
+    with pytest.raises(sk.DatasetError, match="a container PoseEstimation of ndx-pose"):
+        read_detections(tmp_path / "session.nwb", CAMERAS)
+
+
+@pytest.mark.filterwarnings("ignore:The layout is that")
+def test_nwb_states_rate_and_edges(tmp_path, people):
+    path, _ = written("ndx_pose", tmp_path, people)
+    found = read_detections(path, CAMERAS, layout="file")
+    assert found.frame_rate == pytest.approx(30.0, rel=1e-5)
+    assert (0, 1) in found.skeleton.limbs
+
+
+@pytest.mark.filterwarnings("ignore:The layout is that")
+def test_hourglasses_have_mpiis_joints(tmp_path, people):
+    people = people[..., :1, :16, :]
+    path = hourglass(tmp_path, Take(people, list(CAMERAS), []))
+    found = read_detections(path, CAMERAS, layout="file")
+    assert (found.format, found.camera_names) == ("hourglass", CAMERAS)
+    assert found.skeleton.joints[6:10] == ("pelvis", "thorax", "upper_neck", "head_top")
+    np.testing.assert_array_equal(found.people[..., :2], people[..., :2])
+    hourglass(tmp_path, Take(people[..., :15, :], ["cam2"], []))
+    with pytest.raises(sk.DatasetError, match=r"Walking 1\.cam2\.h5: poses"):
+        read_detections(path, CAMERAS, layout="file")

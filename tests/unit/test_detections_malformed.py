@@ -133,6 +133,22 @@ MALFORMED = {
         (lambda b: b.h5(lambda file: file["tracks"].attrs.update(dims='["frame", "x"]')), "tracks"),
         (dataset("node_names", lambda old: np.repeat(old[:1], 17)), "node_names"),
     ],
+    "sleap_slp": [
+        (lambda b: b.file.write_bytes(b.file.read_bytes()[:3000]), "file"),
+        (lambda b: b.h5(lambda file: file.__delitem__("pred_points")), "pred_points"),
+        (lambda b: b.h5(lambda file: file.__delitem__("metadata")), "JSON"),
+        (lambda b: b.h5(lambda file: file["metadata"].attrs.update(json="{}")), "skeletons"),
+        (dataset("pred_points", lambda old: old[:-1]), r"instances\[\d+\]"),
+        (dataset("instances", lambda old: old[:-1]), "frames"),
+        (dataset("frames", lambda old: old["video"]), "frames"),
+    ],
+    "ndx_pose": [
+        (lambda b: b.h5(lambda file: file.__delitem__("processing")), "processing"),
+        (dataset("processing/behavior/camA/nose/data", lambda old: old[:, :1]), ".*/nose/data"),
+        (dataset("processing/behavior/camA/nose/confidence", lambda old: old[1:]), ".*/nose/confidence"),
+        (dataset("processing/behavior/camA/pelvis/timestamps", lambda old: old[::-1]), ".*/timestamps"),
+        (lambda b: b.h5(lambda file: file.__delitem__("processing/behavior/camB/pelvis/timestamps")), "file"),
+    ],
     "sleap_csv": [
         (cut_text(60), "line 7"),
         (lambda b: b.text("nose.y", "nose.z"), "line 1"),
@@ -167,6 +183,12 @@ MALFORMED = {
         (lambda b: b.npz(camera_names=["camA"]), "camera_names"),
         (lambda b: b.npz(detections=b.array("detections") * 2.0), r"detections\[0, 0, 0, \d+\]"),
         (lambda b: b.npz(confidence=np.ones((T, 2, 2, K))), "confidence"),
+    ],
+    "wide_csv": [
+        (cut_text(60), "line 4"),
+        (lambda b: b.text("\n1,", "\n0,"), "frame"),
+        (lambda b: b.text("nose_x", "nose_y"), "line 1"),
+        (lambda b: b.text("\n0,0.0,", "\n0,0.0,a"), "line 2, pelvis_x"),
     ],
     "csv": [
         (cut_text(60), "line 205"),

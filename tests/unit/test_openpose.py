@@ -68,6 +68,13 @@ def test_a_joint_that_was_not_detected_is_nan(root, joint):
     assert np.isfinite(people[1, 1, 0, [1, 3]]).all()
 
 
+def test_files_that_pose2sim_set_aside_are_refused_with_what_to_do(root):
+    first = a_file(root, 2, 0)
+    first.rename(first.with_name(f"del_{first.name}"))
+    with pytest.raises(sk.DatasetError, match=r"file name: .*delete files del_\*"):
+        read(root)
+
+
 def test_an_empty_document_is_an_image_with_nobody(root):
     a_file(root, 1, 0).write_text("{}")
     a_file(root, 2, 2).write_text(" {\n}\n")

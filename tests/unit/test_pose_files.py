@@ -23,7 +23,7 @@ from skelsplat.io import (
     write_npz,
     write_pose,
 )
-from skelsplat.io.poses import POSE_FORMATS
+from skelsplat.io.poses import POSE_FORMATS, READ
 
 WRONG = {
     "unit": "inch",
@@ -240,6 +240,7 @@ def kind(request):
     return request.param
 
 
+@pytest.mark.parametrize("kind", READ, indirect=True)
 def test_the_extension_names_the_format(tmp_path, kind):
     path = tmp_path / f"pose.{kind.upper()}"
     write_pose(path, sample())
@@ -251,6 +252,30 @@ def test_the_extension_names_the_format(tmp_path, kind):
     # trc has micrometres, c3d single precision of some metres in mm
     np.testing.assert_allclose((pose * factor)[there], sample().pose[there], rtol=1e-7, atol=1e-3)
     assert np.isnan(pose[~there]).all()
+
+
+def test_aniposes_csv_has_its_columns(tmp_path):
+    pandas = pytest.importorskip("pandas", reason="it reads the file as Anipose does")
+    data = sample()
+    write_pose(tmp_path / "walk.anipose.csv", data)
+    table = pandas.read_csv(tmp_path / "walk.anipose.csv")
+    parts = ("x", "y", "z", "error", "ncams", "score")
+    own = [f"{joint}_{part}" for joint in JOINTS for part in parts]
+    world = [*(f"M_{i}{j}" for i in range(3) for j in range(3)), *(f"center_{i}" for i in range(3))]
+    assert table.columns.tolist() == [*own, *world, "fnum"]
+    found = table[own].to_numpy().reshape(4, 3, 6)
+    np.testing.assert_array_equal(found[..., :3], data.pose)
+    np.testing.assert_array_equal(found[0, :, 4], [1, 2, 2])
+    np.testing.assert_allclose(found[0, 1, 5], data.view_weights[0, :, 1].mean())
+    np.testing.assert_array_equal(table["fnum"], data.frames)
+    np.testing.assert_array_equal(table[world].to_numpy()[2], [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0])
+    with pytest.raises(sk.InvalidInputError, match="only written"):
+        read_pose(tmp_path / "walk.anipose.csv")
+
+
+def test_freemocaps_array_is_in_millimetres(tmp_path):
+    write_pose(tmp_path / "walk.npy", sample().in_unit("m"))
+    np.testing.assert_allclose(np.load(tmp_path / "walk.npy"), sample().pose, rtol=1e-12)
 
 
 def test_a_file_is_written_whole_or_not_at_all(tmp_path, kind):

@@ -18,12 +18,12 @@ from skelsplat.io._files import listed
 from skelsplat.io._kinds import seems
 from skelsplat.io._run_files import POSES, check_run, folders_of_run
 from skelsplat.io.calibration import FORMATS, find_format, read_calibration
-from skelsplat.io.poses import POSE_FORMATS, convert_poses, is_pose_file, pose_format
+from skelsplat.io.poses import POSE_FORMATS, READ, convert_poses, is_pose_file, pose_format
 
 _EPILOG = (
     f"Calibrations are read from {'; '.join(known.about for known in FORMATS.values())}; they are written as "
-    f".toml (Anipose), .json or .npz. Poses are written as .{', .'.join(POSE_FORMATS)}, and all of these but "
-    f".{' and .'.join(kind for kind, entry in POSE_FORMATS.items() if entry.read is None)} are read."
+    f".toml (Anipose), .json or .npz. Poses are written as .{', .'.join(POSE_FORMATS)}, and read as "
+    f".{', .'.join(READ)}."
 )
 _READ = frozenset({"unit", "format", "camera_type", "subject", "size", "binning"})
 _MOST_NAMES = 8

@@ -5,6 +5,7 @@ where another library opens it: NumPy for arrays of objects, PyTables for attrib
 """
 
 import contextlib
+import fnmatch
 import importlib
 import io
 import json
@@ -163,18 +164,43 @@ def _mat(path: str, names: list[str] | None) -> Any:
 
 
 def _hdf5(path: str, names: Iterable[str]) -> Any:
-    """Return the keys of the file, and the datasets of these names with their attributes."""
+    """Return the keys of the file, and the datasets, or groups, of these names with their attributes.
+
+    A name with a ``*`` is that of all datasets, or with a ``/`` at its end groups, that it fits.
+    """
     h5py = importlib.import_module("h5py")
-    found, attributes = {}, {}
+    found, attributes, known = {}, {}, list[str]()
     with h5py.File(path, "r") as file:
-        for name in (name for name in names if name in file):
-            item, link = file[name], file.get(name, getlink=True)
-            if isinstance(link, h5py.ExternalLink) or not isinstance(item, h5py.Dataset):
+        if any("*" in name for name in names):  # links are not followed
+            file.visititems(lambda name, item: known.append(name + "/" * isinstance(item, h5py.Group)))
+        for name in (one for pattern in names for one in _fitting(pattern, known)):
+            if name not in file:
+                continue
+            item = file[name]
+            if item.file.filename != file.filename or not isinstance(item, (h5py.Dataset, h5py.Group)):
                 raise RefusedError("a dataset in this file", "something else", name)
-            if item.is_virtual or item.external:
-                raise RefusedError("data in this file", "those of another", name)
-            found[name], attributes[name] = item[()], dict(item.attrs)
-        return {"keys": list(file), "arrays": found, "attributes": {"": dict(file.attrs), **attributes}}
+            attributes[name] = _attributes(h5py, item)
+            if isinstance(item, h5py.Dataset):
+                if item.is_virtual or item.external:
+                    raise RefusedError("data in this file", "those of another", name)
+                found[name] = item[()]
+        return {
+            "keys": list(file),
+            "arrays": found,
+            "attributes": {"": _attributes(h5py, file), **attributes},
+        }
+
+
+def _fitting(pattern: str, known: list[str]) -> list[str]:
+    level = pattern.count("/")
+    there = (name for name in known if name.count("/") == level)
+    return fnmatch.filter(there, pattern) if "*" in pattern else [pattern]
+
+
+def _attributes(h5py: Any, item: Any) -> dict[str, Any]:
+    """Return the attributes, but for those that refer to objects of the file."""
+    kinds = {key: item.attrs.get_id(key).dtype for key in item.attrs}
+    return {key: item.attrs[key] for key, kind in kinds.items() if not h5py.check_ref_dtype(kind)}
 
 
 def _table(path: str) -> Any:

@@ -11,7 +11,16 @@ from skelsplat.io.calibration import find_format
 from skelsplat.io.detections._registry import recognised
 from skelsplat.io.poses import is_pose_file
 
-_SIGNS = {".npy": (b"\x93NUMPY",), ".h5": (HDF5,), ".hdf5": (HDF5,), ".nc": (HDF5, b"CDF")}
+# of MATLAB's own classes, as its calibration apps export them, and of other variables nothing is read
+_MAT = "a MAT-file of other variables or objects; in MATLAB, save K, r, t, RDistort, TDistort of each camera"
+_SIGNS = {
+    ".npy": (b"\x93NUMPY",),
+    ".h5": (HDF5,),
+    ".hdf5": (HDF5,),
+    ".slp": (HDF5,),
+    ".nwb": (HDF5,),
+    ".nc": (HDF5, b"CDF"),
+}
 
 
 def seems(path: Path) -> str | None:
@@ -23,8 +32,9 @@ def seems(path: Path) -> str | None:
             return "poses"
         if found := recognised(path):
             return f"detections ({', '.join(found)})"
-        unclear = path.suffix == ".mat" or (path.is_file() and path.stat().st_size > MOST_DOCUMENT)
-        form = None if unclear else find_format(path)
+        if path.suffix.lower() == ".mat":
+            return _MAT if find_format(path) is None else None
+        form = None if path.is_file() and path.stat().st_size > MOST_DOCUMENT else find_format(path)
     except DatasetError as error:
         return f"invalid JSON: {error.actual}" if error.field == "JSON" else None
     except OSError:

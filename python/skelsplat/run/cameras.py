@@ -21,7 +21,16 @@ from skelsplat.run.adjusted import findings_of, is_late, is_placed, numbers_of, 
 from skelsplat.run.by_everybody import Scene, adjusted
 from skelsplat.run.job import Job
 from skelsplat.run.person import EVERYBODY, check_slot, pick_places
-from skelsplat.run.read import Inputs, Opened, leave_out, open_files, open_recording, read_everybody, read_rig
+from skelsplat.run.read import (
+    Inputs,
+    Opened,
+    leave_out,
+    open_files,
+    open_recording,
+    read_everybody,
+    read_rig,
+    unread_in,
+)
 from skelsplat.run.session import Session, adjust_session, different
 
 
@@ -54,7 +63,8 @@ def check_cameras(
     check_slot(person)
     with collected_warnings() as warnings:
         if detections is None:
-            rig, frames = leave_out(read_rig(calibration, **(read or {})), tuple(without)), None
+            rig, frames = read_rig(calibration, without=without, **(read or {})), None
+            rig = leave_out(rig, without, unread_in(warnings))
             report = check_rig(rig)
         else:
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -87,6 +87,7 @@ class Opened:
     rig: sk.CameraRig  # without those that are left out
     detections: Detections
     rate: tuple[float | None, str]  # frames per second, None if unknown, and what states them, as of `Inputs`
+    unread: tuple[str, ...] = ()  # cameras that are left out and could not be read
 
     @property
     def size(self) -> int:
@@ -115,7 +116,7 @@ class Opened:
             "calibration_format": job.calibration_format or find_format(Path(job.calibration)),
             "format": found.format,
             "offsets": dict(read_as.offsets),
-            "without": [name for name in self.every.names if name not in self.rig.names],
+            "without": [*(name for name in self.every.names if name not in self.rig.names), *self.unread],
             "frame_mode": job.frames,
         }
         return Inputs(
@@ -164,19 +165,20 @@ def open_recording(
     told: list[Finding] = []
     try:
         with collected_warnings() as told:
-            every = read_rig(calibration, **read)
+            every = read_rig(calibration, without=without, **read)
     finally:
         for finding in told:
             warn(finding)
     if len(every) < 2:
         raise DatasetError(calibration, "cameras", "at least two cameras", len(every))
-    found = open_detections(detections, every, without=without, **given)
+    unread = unread_in(told)
+    found = open_detections(detections, every, without=without, unread=unread, **given)
     _note_clocks(calibration, every, given.get("offsets") or {})
     every = replace(every, clocks={})
-    rig = leave_out(every, without)
+    rig = leave_out(every, without, unread)
     cropped = {name for one in told if one.kind == "crop_applied" for name in one.subject.cameras}
     rate = rate_of(found, detections, rig.names, fps)
-    return Opened(every, rig, in_calibrated_pixels(found, every, cropped), rate)
+    return Opened(every, rig, in_calibrated_pixels(found, every, cropped), rate, unread)
 
 
 def _note_clocks(path: Path, rig: sk.CameraRig, given: Collection[str]) -> None:
@@ -228,9 +230,17 @@ def read_rig(path: Path, *, calibration_format: str | None = None, **given: Any)
         raise
 
 
-def leave_out(rig: sk.CameraRig, without: Sequence[str]) -> sk.CameraRig:
-    """Return the rig without these cameras; in names, case and separators may differ."""
-    left_out = cameras_called(without, rig.names, "without")
+def unread_in(told: Iterable[Finding]) -> tuple[str, ...]:
+    """Return the cameras that a calibration was read without, as the findings of reading it tell."""
+    return tuple(name for one in told if one.numbers.get("unread") for name in one.subject.cameras)
+
+
+def leave_out(rig: sk.CameraRig, without: Sequence[str], unread: Sequence[str] = ()) -> sk.CameraRig:
+    """Return the rig without these cameras; in names, case and separators may differ.
+
+    Those that are ``unread`` may be named, too.
+    """
+    left_out = cameras_called(without, (*rig.names, *unread), "without")
     kept = [camera for name, camera in zip(rig.names, rig, strict=True) if name not in left_out]
     if len(kept) < 2:
         expected = f"two cameras or more to be left of {', '.join(rig.names)}"

@@ -7,7 +7,7 @@ A format is a `CalibrationFormat` in ``FORMATS`` of its module: a test on a file
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -22,8 +22,9 @@ from skelsplat._words import metric
 from skelsplat.cameras import MM_PER_UNIT, altered
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.findings import Finding, Subject, warn
-from skelsplat.io.calibration import _binary, _json, _opencv, _toml, _xml
+from skelsplat.io.calibration import _binary, _json, _opencv, _plain, _toml, _xml
 from skelsplat.io.calibration._format import CalibrationFormat, RawCamera, Source
+from skelsplat.io.detections._match import reads_alike
 
 __all__ = ["FORMATS", "convert_unit", "find_format", "read_calibration", "write_calibration"]
 
@@ -31,7 +32,7 @@ Size: TypeAlias = tuple[int, int]
 
 # in the order in which they are tried: Anipose's TOML is what no other format claims
 FORMATS: dict[str, CalibrationFormat] = {
-    known.name: known for module in (_json, _xml, _opencv, _binary, _toml) for known in module.FORMATS
+    known.name: known for module in (_json, _plain, _xml, _opencv, _binary, _toml) for known in module.FORMATS
 }
 _WRITTEN = {".toml": "anipose", ".json": "json", ".npz": "npz"}
 # of files that may be calibrations in a folder, and how many are looked at
@@ -51,6 +52,7 @@ def read_calibration(
     subject: str | None = None,
     size: Size | Mapping[str, Size] | None = None,
     binning: float | None = None,
+    without: Collection[str] = (),
 ) -> sk.CameraRig:
     """Read a calibration into a rig, cameras in the order of the file.
 
@@ -60,8 +62,9 @@ def read_calibration(
         The calibration file, the folder where a format is one, or a folder with one calibration.
     unit : "mm", "cm" or "m"
         The length unit of the file's translations. It must be given for the formats that do not say it:
-        ``anipose`` (unless this package wrote the file), ``easymocap`` and ``4d-association``. For the others
-        it may be left out; one that contradicts the format is an error.
+        ``anipose`` (unless this package wrote the file), ``easymocap``, ``4d-association``, ``colmap``,
+        ``matrices`` and ``opencv-stereo``. For the others it may be left out; one that contradicts the format
+        is an error.
     format : str, optional
         A key of `FORMATS`; found from the content when left out.
     camera_type : str, optional
@@ -73,6 +76,9 @@ def read_calibration(
         Size of the images, for formats that do not say it, such as OpenPose's.
     binning : float, optional
         Qualisys: sensor pixels per image pixel, where videos have fewer lines than the sensor.
+    without : collection of str
+        Names of cameras that nobody needs, written as loosely as those of detections: if the file cannot be
+        read with them, it is read without, with a note.
 
     Returns
     -------
@@ -88,29 +94,44 @@ def read_calibration(
     DatasetError
         If the file is missing or malformed; names file and field.
     """
+    options = {"camera_type": camera_type, "subject": subject, "size": size, "binning": binning}
     # a number beyond all others is refused with its camera
     with within_memory(Path(path)), np.errstate(over="ignore", invalid="ignore"):
         source, chosen = _find(Source(path), format)
-        options = {"camera_type": camera_type, "subject": subject, "size": size, "binning": binning}
         _check_options(chosen, options)
-        parsed, stated = chosen.parse(
-            source, **{key: options[key] for key in chosen.options if key != "size"}
-        )
+        try:
+            rig, stated = _parsed(source, chosen, options)
+        except (DatasetError, InvalidInputError):
+            if not without:
+                raise
+            source = Source(source.path, lambda name: any(reads_alike(name, text) for text in without))
+            rig, stated = _parsed(source, chosen, options)
+            names = tuple(dict.fromkeys(source.skipped))
+            words = f"{source.path}: {', '.join(names)}: cannot be read, left out."
+            whom = Subject(cameras=names, files=(str(source.path),))
+            warn(Finding("calibration_read_as", "note", whom, {"unread": True}, sentence=words))
+    return replace(rig, unit=_checked_unit(source.path, rig, unit, stated))
+
+
+def _parsed(
+    source: Source, chosen: CalibrationFormat, options: Mapping[str, Any]
+) -> tuple[sk.CameraRig, str | None]:
+    """Return the cameras of a source, lengths as in the file, and the unit if it is stated."""
+    parsed, stated = chosen.parse(source, **{key: options[key] for key in chosen.options if key != "size"})
     if not 0 < len(parsed) <= MOST_CAMERAS:
         raise DatasetError(source.path, "cameras", f"1 to {MOST_CAMERAS} cameras", f"{len(parsed)}")
     for raw in parsed:
         if not raw.name.strip() or len(raw.name) > MOST_NAME:
             raise DatasetError(source.path, "name", f"names of 1 to {MOST_NAME} characters", raw.name[:40])
-    sizes = [_size(source.path, raw, size) for raw in parsed]
+    sizes = [_size(source.path, raw, options["size"]) for raw in parsed]
     try:
         clocks = {raw.name: raw.clock for raw in parsed}
         of_rig = ("clock", "joint_sigma")
         bare = [{name: value for name, value in vars(raw).items() if name not in of_rig} for raw in parsed]
         cameras = [sk.Camera(**{**one, "size": wh}) for one, wh in zip(bare, sizes, strict=True)]
-        rig = sk.CameraRig(cameras, clocks=clocks, joint_sigma=parsed[0].joint_sigma)
+        return sk.CameraRig(cameras, clocks=clocks, joint_sigma=parsed[0].joint_sigma), stated
     except InvalidInputError as error:
         raise DatasetError.of_argument(source.path, error) from error
-    return replace(rig, unit=_checked_unit(source.path, rig, unit, stated))
 
 
 def find_format(path: str | os.PathLike[str]) -> str | None:

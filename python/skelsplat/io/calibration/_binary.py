@@ -1,4 +1,4 @@
-"""Calibrations in binary files: OpenCap's pickles and the MAT-files of DANNCE and Label3D."""
+"""Calibrations in binary files: OpenCap's pickles, MAT-files of DANNCE and Label3D, Human3.6M in HDF5."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from skelsplat._arrays import Array
 from skelsplat._fields import Field
 from skelsplat.exceptions import DatasetError, MissingPackageError
+from skelsplat.io._arrays import hdf5_mentions
 from skelsplat.io._files import natural
 from skelsplat.io._guarded import read_guarded, unpickle
-from skelsplat.io.calibration._entries import camera_of, matrix_of, warn_of_fit
+from skelsplat.io.calibration._entries import SKEW, camera_of, matrix_of, warn_of_fit, without_skew
 from skelsplat.io.calibration._format import CalibrationFormat, Parsed, RawCamera, Source
+from skelsplat.io.calibration._json import HUMAN36M_SIZES, one_subject
 
 _OPENCAP = "cameraIntrinsicsExtrinsics"
 _PICKLES = (".pickle", ".pkl")
@@ -54,7 +55,8 @@ def _parse_opencap(source: Source) -> Parsed:
     pickle is run.
     """
     files = _opencap_files(source)
-    return [_opencap_camera(name, _opencap_entry(path)) for name, path in files.items()], "mm"
+    kept = [(name, path) for name, path in files.items() if source.keeps(name)]
+    return [_opencap_camera(name, _opencap_entry(path)) for name, path in kept], "mm"
 
 
 def _opencap_entry(path: Path) -> Field:
@@ -111,8 +113,8 @@ def _parse_dannce(source: Source) -> Parsed:
             raise document["camnames"].error(f"{len(params)} names, one per camera", f"{len(names)}")
         entries += zip(names, params, strict=True)
     errors: dict[str, float] = {}
-    cameras = [_dannce_camera(name, entry, errors) for name, entry in entries]
-    warn_of_fit(source.path, errors, "skew is not supported; the cameras turned by half of it agree")
+    cameras = [_dannce_camera(name, entry, errors) for name, entry in entries if source.keeps(name)]
+    warn_of_fit(source.path, errors, SKEW)
     return cameras, "mm"
 
 
@@ -145,26 +147,51 @@ def _dannce_camera(name: str, entry: Field, errors: dict[str, float]) -> RawCame
     if radial.size not in (2, 3):
         raise entry["RDistort"].error("2 or 3 numbers", f"{radial.size} of them")
     lens = np.array([radial[0], radial[1], p1, p2, *radial[2:]])
-    K, turn, errors[name] = _without_skew(K)
+    K, turn, errors[name] = without_skew(K)
     return RawCamera(name, K, turn @ rotation, turn @ entry["t"].numbers((3,)), lens)
 
 
-def _without_skew(K: Array) -> tuple[Array, Array, float]:
-    """Return a camera matrix without skew, the turn about the optical axis, and the largest error in px.
+_CAMERA_H5 = re.compile(r"subject(\d+)/camera(\d+)/R")
+_PARTS = ("R", "T", "f", "c", "k", "p", "Name")
 
-    The turn takes half of the skew in x and leaves as much in y, the least that is possible at the edge of an
-    image that reaches to twice the principal point.
+
+def _is_human36m_h5(source: Source) -> bool:
+    return source.suffix == ".h5" and hdf5_mentions(source.path, b"subject1", b"camera1")
+
+
+def _parse_human36m_h5(source: Source, subject: str | None) -> Parsed:
+    """Return a subject's cameras of ``cameras.h5``, Human3.6M as 3d-pose-baseline has it; millimetres.
+
+    ``subjectN/cameraK`` has ``R``, transposed as MATLAB stores it, ``T``, the centre, ``f``, ``c``, ``k``
+    with k1, k2, k3, ``p`` with p1, p2, and ``Name`` in characters' numbers. Of several subjects one must be
+    named.
     """
-    skew, (fx, fy), (cx, cy) = K[0, 1], K[[0, 1], [0, 1]], np.abs(K[:2, 2])
-    sine = -skew / (fx + fy)
-    cosine = np.sqrt(1.0 - sine**2)
-    turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    plain = matrix_of(fx, fy, K[0, 2], K[1, 2])
-    edge = np.array([cx / fx, cy / fy])
-    return plain, turn, float(np.abs((K - plain @ turn)[:2, :2] @ edge).max())
+    names = [f"subject*/camera*/{part}" for part in _PARTS]
+    arrays = read_guarded("hdf5", source.path, "a complete HDF5 file", names=names)["arrays"]
+    places = sorted((m for m in map(_CAMERA_H5.fullmatch, arrays) if m), key=lambda m: int(m[2]))
+    subjects = sorted({f"S{place[1]}" for place in places}, key=natural)
+    chosen = one_subject(source.path, subjects, subject)
+    cameras = []
+    for place in (one[0].removesuffix("/R") for one in places if f"S{one[1]}" == chosen):
+        found = {part: np.ravel(arrays.get(f"{place}/{part}", ())).tolist() for part in _PARTS}
+        entry = Field(source.path, place, found)
+        name = "".join(chr(int(code)) for code in entry["Name"].numbers(None) if 0 < code < 0x110000)
+        R = entry["R"].numbers((9,)).reshape(3, 3).T
+        (k1, k2, k3), (p1, p2) = entry["k"].numbers((3,)), entry["p"].numbers((2,))
+        K = matrix_of(*entry["f"].numbers((2,)), *entry["c"].numbers((2,)))
+        lens, size = np.array([k1, k2, p1, p2, k3]), HUMAN36M_SIZES.get(name)
+        cameras.append(RawCamera(name, K, R, -R @ entry["T"].numbers((3,)), lens, size))
+    return cameras, "mm"
 
 
 FORMATS = (
     CalibrationFormat("opencap", "OpenCap's session or pickles", _is_opencap, _parse_opencap),
+    CalibrationFormat(
+        "human36m-h5",
+        "3d-pose-baseline's cameras.h5",
+        _is_human36m_h5,
+        _parse_human36m_h5,
+        ("subject", "size"),
+    ),
     CalibrationFormat("dannce", "DANNCE's and Label3D's MAT-files", _is_dannce, _parse_dannce, ("size",)),
 )

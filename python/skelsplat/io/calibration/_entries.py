@@ -16,7 +16,8 @@ from skelsplat.io.calibration._format import RawCamera
 
 _PINHOLE_COUNTS = (4, 5, 8, 12, 14)
 _FISHEYE_COUNT = 4
-_GOOD_FIT_PX = 0.1  # a lens that is followed this well is lost in any detector's noise
+GOOD_FIT_PX = 0.1  # a lens that is followed this well is lost in any detector's noise
+SKEW = "skew is not supported; the cameras turned by half of it agree"
 _MOST_RADIANS = 4 * np.pi  # optimisers pass a turn, but not two
 
 
@@ -94,7 +95,7 @@ def warn_of_no_lens(path: Path, names: Sequence[str]) -> None:
 
 def warn_of_fit(path: Path, errors: dict[str, float], how: str) -> None:
     """Warn that lenses or skew of cameras are followed with errors in px, largest in the corners."""
-    names = [name for name, error in errors.items() if error > _GOOD_FIT_PX]
+    names = [name for name, error in errors.items() if error > GOOD_FIT_PX]
     worst = max(errors.values(), default=0.0)
     words = f"{path}: {', '.join(names)}: {how} to {worst:.2g} px at worst."
     if names:
@@ -103,3 +104,18 @@ def warn_of_fit(path: Path, errors: dict[str, float], how: str) -> None:
                 "calibration_read_as", "note", cameras_of(path, names), {"error_px": worst}, sentence=words
             )
         )
+
+
+def without_skew(K: Array) -> tuple[Array, Array, float]:
+    """Return a camera matrix without skew, the turn about the optical axis, and the largest error in px.
+
+    The turn takes half of the skew in x and leaves as much in y, the least that is possible at the edge of an
+    image that reaches to twice the principal point.
+    """
+    skew, (fx, fy), (cx, cy) = K[0, 1], K[[0, 1], [0, 1]], np.abs(K[:2, 2])
+    sine = -skew / (fx + fy)
+    cosine = np.sqrt(1.0 - sine**2)
+    turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    plain = matrix_of(fx, fy, K[0, 2], K[1, 2])
+    edge = np.array([cx / fx, cy / fy])
+    return plain, turn, float(np.abs((K - plain @ turn)[:2, :2] @ edge).max())

@@ -55,12 +55,22 @@ class CalibrationFormat:
 
 
 class Source:
-    """One path; its text and what the text parses to are read once, when they are first asked for."""
+    """One path; its text and what the text parses to are read once, when they are first asked for.
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = Path(path)
+    ``skip`` says of a camera's name whether its entry is passed over; ``skipped`` has the names of those.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], skip: Callable[[str], bool] = lambda _: False) -> None:
+        self.path, self._skip = Path(path), skip
+        self.skipped: list[str] = []
         self.is_folder = self.path.is_dir()
         self.suffix = self.path.suffix.lower()
+
+    def keeps(self, name: object) -> bool:
+        """Whether the entry of a camera is read."""
+        skips = isinstance(name, str | int) and self._skip(str(name))
+        self.skipped += [str(name)] if skips else []
+        return not skips
 
     @cached_property
     def files(self) -> list[Path]:

@@ -20,6 +20,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -48,7 +49,8 @@ def _parse_json(source: Source) -> Parsed:
     for key, known in (("format", _MARK), ("version", _VERSION)):
         if document[key].value != known:
             raise document[key].error(known, document[key].shown)
-    cameras = [_own(camera) for camera in document["cameras"].entries("a list of cameras")]
+    entries = document["cameras"].entries("a list of cameras")
+    cameras = [_own(camera) for camera in entries if source.keeps(camera["name"].value)]
     return with_joint_sigma(cameras, document), _unit(document)
 
 
@@ -180,11 +182,17 @@ def _parse_panoptic(source: Source, camera_type: str | None) -> Parsed:
     if not chosen:
         types = sorted({camera["type"].text() for camera in cameras})
         raise DatasetError(source.path, "type", f"cameras of type {wanted}", f"types {', '.join(types)}")
+    chosen = [entry for entry in chosen if source.keeps(entry["name"].value)]
     return [camera_of(entry, lens="distCoef", size="resolution") for entry in chosen], "cm"
 
 
-# of the videos, which are 1000 wide
-_LINES = {"54138969": 1002, "55011271": 1000, "58860488": 1000, "60457274": 1002}
+# of the videos
+HUMAN36M_SIZES = {
+    "54138969": (1000, 1002),
+    "55011271": (1000, 1000),
+    "58860488": (1000, 1000),
+    "60457274": (1000, 1002),
+}
 
 
 def _is_human36m(source: Source) -> bool:
@@ -200,12 +208,7 @@ def _parse_human36m(source: Source, subject: str | None) -> Parsed:
     1000.
     """
     intrinsics, extrinsics = (source.json[key].table() for key in ("intrinsics", "extrinsics"))
-    subjects = list(extrinsics.value)
-    chosen = subjects[0] if subject is None and len(subjects) == 1 else str(subject)
-    if chosen not in subjects:
-        expected = f"one of {', '.join(subjects)} for {source.path}"
-        raise InvalidInputError(f"subject: expected {expected}, got {chosen}")
-    poses = extrinsics[chosen].table()
+    poses = extrinsics[one_subject(source.path, list(extrinsics.value), subject)].table()
     cameras = [
         RawCamera(
             name=name,
@@ -213,11 +216,21 @@ def _parse_human36m(source: Source, subject: str | None) -> Parsed:
             R=poses[name]["R"].numbers((3, 3)),
             t=poses[name]["t"].numbers((3,)),
             distortion=lens_of(intrinsics[name]["distortion"]),
-            size=(1000, _LINES[name]) if name in _LINES else None,
+            size=HUMAN36M_SIZES.get(name),
         )
         for name in poses.value
+        if source.keeps(name)
     ]
     return cameras, "mm"
+
+
+def one_subject(path: Path, subjects: Sequence[str], subject: str | None) -> str:
+    """Return the subject that is named, or the only one."""
+    chosen = subjects[0] if subject is None and len(subjects) == 1 else str(subject)
+    if chosen not in subjects:
+        expected = f"one of {', '.join(subjects)} for {path}"
+        raise InvalidInputError(f"subject: expected {expected}, got {chosen}")
+    return chosen
 
 
 def _cameras(source: Source, *keys: set[str]) -> list[Field]:
@@ -239,7 +252,7 @@ def _parse_voxelpose(source: Source) -> Parsed:
     ``k`` has OpenCV's k1, k2, k3 and ``p`` its p1, p2. The image size is not in the file.
     """
     cameras = []
-    for entry in _cameras(source, {"fx"}):
+    for entry in filter(lambda one: source.keeps(one.place), _cameras(source, {"fx"})):
         K = matrix_of(*(entry.table()[name].number() for name in ("fx", "fy", "cx", "cy")))
         (k1, k2, k3), (p1, p2) = entry["k"].numbers((3,)), entry["p"].numbers((2,))
         R, lens = entry["R"].numbers((3, 3)), np.array([k1, k2, p1, p2, k3])
@@ -258,7 +271,7 @@ def _parse_association(source: Source) -> Parsed:
     be ``R`` (9 numbers, or a rotation vector) and ``T``. ``distCoeff`` is in OpenCV's order; without it there
     is no lens. ``rectifyAlpha`` belongs to images that the program undistorts and is passed over.
     """
-    entries = _cameras(source, {"K"})
+    entries = [entry for entry in _cameras(source, {"K"}) if source.keeps(entry.place)]
     warn_of_no_lens(source.path, [entry.place for entry in entries if "distCoeff" not in entry.table()])
     return [_association_camera(entry) for entry in entries], None
 

@@ -48,7 +48,13 @@ _ANIPOSE, _PROJECT, _LEVELS = "calibration.toml", "config.toml", 4
 
 def _is_toml(source: Source) -> bool:
     other = source.suffix == ".json" or source.start.startswith(("<", "{", "%YAML"))
-    return not other and _TOML_LINE.search(source.text) is not None
+    if other or _TOML_LINE.search(source.text) is None:
+        return False
+    if source.suffix == ".toml":
+        return True
+    with suppress(DatasetError):  # many a text has lines with an equals sign
+        return bool(source.toml.value)
+    return False
 
 
 def _is_anipose(source: Source) -> bool:
@@ -63,8 +69,9 @@ def _anipose(source: Source) -> list[Field]:
 
 def _parse_anipose(source: Source) -> Parsed:
     """Return the cameras of a file of the Anipose family, in its order."""
-    entries = _anipose(source)
-    named = {entry.place: entry["name"].text() if "name" in entry else entry.place for entry in entries}
+    named = {one.place: one["name"].text() if "name" in one else one.place for one in _anipose(source)}
+    entries = [one for one in _anipose(source) if source.keeps(named[one.place])]
+    named = {one.place: named[one.place] for one in entries}
     bare = [named[entry.place] for entry in entries if entry.value.keys().isdisjoint(_LENS)]
     warn_of_no_lens(source.path, bare)
     unit = source.toml["metadata"]["unit"].value
@@ -140,16 +147,19 @@ def _caliscope(source: Source) -> list[Field]:
 def _parse_caliscope(source: Source) -> Parsed:
     """Return the cameras of Caliscope's own file that are not ignored."""
     entries = [entry.table() for entry in _caliscope(source)]
-    wanted = [entry for entry in entries if not entry["ignore"].flag()]
-    return [_caliscope_camera(entry) for entry in wanted], "m"
+    wanted = [(_caliscope_name(entry), entry) for entry in entries if not entry["ignore"].flag()]
+    return [_caliscope_camera(name, entry) for name, entry in wanted if source.keeps(name)], "m"
 
 
-def _caliscope_camera(entry: Field) -> RawCamera:
+def _caliscope_name(entry: Field) -> str:
+    """Return the camera's name, as its videos are called."""
+    return f"port_{entry['port'].text()}" if "cam_id" not in entry else f"cam_{entry['cam_id'].text()}"
+
+
+def _caliscope_camera(name: str, entry: Field) -> RawCamera:
     if entry["rotation"].is_missing or entry["rotation"].value in (None, "null"):
         expected = "a camera that is calibrated with the others, or ignore = true"
         raise entry["rotation"].error(expected, "no rotation and translation")
-    # as its videos are called
-    name = f"port_{entry['port'].text()}" if "cam_id" not in entry else f"cam_{entry['cam_id'].text()}"
     return _camera(entry, name, lens="distortions", size="size")
 
 

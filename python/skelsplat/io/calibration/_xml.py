@@ -13,7 +13,7 @@ from skelsplat._fields import Field, whole_size
 from skelsplat.cameras import matrix_from_quaternion
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, warn
-from skelsplat.io.calibration._entries import cameras_of, matrix_of, warn_of_fit
+from skelsplat.io.calibration._entries import GOOD_FIT_PX, cameras_of, matrix_of, warn_of_fit
 from skelsplat.io.calibration._format import CalibrationFormat, Parsed, RawCamera, Source
 
 Camera = tuple[str, Field]
@@ -45,6 +45,9 @@ def _cameras(source: Source, tag: str, kind: str, camera_type: str | None) -> li
     used = [n for n in nodes if n.get("active") != "0" and n.get("calibrated", "true").lower() != "false"]
     kinds = {node: node.get(kind, "none") for node in used}
     chosen = [n for n in used if camera_type == "all" or kinds[n] == "none" or "video" in kinds[n].lower()]
+    chosen = [
+        node for node in chosen if source.keeps(node.get("DEVICEID" if tag == "Camera" else "serial", ""))
+    ]
     if not chosen:
         expected = 'an active, calibrated video camera (camera_type="all" takes every camera)'
         raise DatasetError(source.path, kind, expected, ", ".join(sorted(set(kinds.values()))) or "none")
@@ -195,7 +198,8 @@ def _theia_camera(name: str, camera: Field) -> RawCamera:
 
 
 _UNIT_NORM = 1e-3
-_GRID = 40
+_GRID, _STEPS = 40, 60
+_LEAST_BELOW = 0.1  # of the fraction's lower part within the image: at 0 a lens has a pole
 _WORST_FIT_PX = 100.0  # no lens is followed as badly: its coefficients are of another unit
 
 
@@ -217,8 +221,8 @@ def _parse_vicon(source: Source, camera_type: str | None) -> Parsed:
         ideal = c + (1 + k1 r² + k2 r⁴ + k3 r⁶)·(measured − c),      r = |measured − c|
 
     OpenCV maps ideal to measured, in multiples of the focal length about the principal point, so that the
-    coefficients cannot be copied: k1, k2, p1, p2, k3 and the thin-prism terms s1..s4 are fitted over the
-    image. Video cameras have "video" in their ``TYPE``.
+    coefficients cannot be copied: k1 to k6, p1, p2 and the thin-prism terms s1..s4 are fitted over the image.
+    Video cameras have "video" in their ``TYPE``.
     """
     errors: dict[str, float] = {}
     cameras = _cameras(source, "Camera", "TYPE", camera_type)
@@ -262,35 +266,74 @@ def _radial(frame: Field, principal: Array) -> tuple[Array, Array, Field]:
 
 
 def _fit(K: Array, size: tuple[int, int], centre: Array, radial: Array, aspect: float) -> tuple[Array, float]:
-    """Return OpenCV's 12 coefficients (k4 to k6 are 0) and the largest error of the fit in px.
+    """Return OpenCV's 12 coefficients and the largest error of the fit in px.
 
-    A polynomial: the rational terms would fit a strong lens better, but with large coefficients that cancel.
+    A polynomial (k4 to k6 are 0), unless a strong lens needs the rational terms to be followed.
     """
     axes = [np.linspace(0.0, length - 1.0, _GRID) for length in size]
     pixels = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    focal, principal = np.array([K[0, 0], K[1, 1]]), K[:2, 2]
+    focal, principal = np.array([[K[0, 0]], [K[1, 1]]]), K[:2, 2]
     offset = (pixels - centre) * [1.0, aspect]
     squared = (offset**2).sum(axis=1, keepdims=True)
     scale = 1.0 + sum(k * squared ** (i + 1) for i, k in enumerate(radial))
-    ideal = (offset * scale / [1.0, aspect] + centre - principal) / focal
-    terms = np.concatenate(list(_terms(ideal) * focal[:, None, None]))
-    right = (pixels - principal - ideal * focal).T.ravel()
-    if not (np.isfinite(terms).all() and np.isfinite(right).all()):
-        return np.zeros(12), np.inf
-    solution = np.linalg.lstsq(terms, right, rcond=None)[0]
-    error = float(np.abs(terms @ solution - right).max())
-    k1, k2, p1, p2, k3, *s = solution
-    return np.array([k1, k2, p1, p2, k3, 0.0, 0.0, 0.0, *s]), error
+    ideal = (offset * scale / [1.0, aspect] + centre - principal).T / focal
+    wanted = (pixels - principal).T
+    terms = _terms(*ideal)
+    solution = np.zeros(len(terms))
+    error = np.inf
+    if np.isfinite(terms).all() and np.isfinite(wanted).all():
+        columns = (terms * focal).reshape(len(terms), -1).T
+        right = (wanted - ideal * focal).ravel()
+        solution = np.linalg.lstsq(columns, right, rcond=None)[0]
+        error = float(np.abs(columns @ solution - right).max())
+    k1, k2, k3, *rest = solution
+    p1, p2, *s = rest
+    polynomial = np.array([k1, k2, p1, p2, k3, 0.0, 0.0, 0.0, *s])
+    if not GOOD_FIT_PX < error < _WORST_FIT_PX:
+        return polynomial, error
+    return min((polynomial, error), _rational(ideal, terms[3:], wanted, focal), key=lambda fit: fit[1])
 
 
-def _terms(ideal: Array) -> Array:
-    """Return what k1, k2, p1, p2, k3, s1, s2, s3, s4 multiply in x and in y, (2, n, 9)."""
-    x, y = ideal.T
-    r2 = x * x + y * y
-    r4, r6, zero = r2**2, r2**3, np.zeros_like(x)
-    along_x = [x * r2, x * r4, 2 * x * y, r2 + 2 * x * x, x * r6, r2, r4, zero, zero]
-    along_y = [y * r2, y * r4, r2 + 2 * y * y, 2 * x * y, y * r6, zero, zero, r2, r4]
-    return np.stack([np.stack(along_x, axis=1), np.stack(along_y, axis=1)])
+def _rational(ideal: Array, others: Array, wanted: Array, focal: Array) -> tuple[Array, float]:
+    """Return the coefficients with k4 to k6, and their error, by Levenberg and Marquardt's method.
+
+    ``ideal`` (2, n) and ``others`` (6, 2, n) in multiples of ``focal`` (2, 1), ``wanted`` (2, n) in px.
+    """
+    squared = (ideal**2).sum(axis=0)
+    largest = squared.max()
+    powers = np.stack([(squared / largest) ** k for k in (1, 2, 3)])
+
+    def at(solution: Array) -> tuple[Array, Array, Array]:
+        above, below = 1.0 + solution[:3] @ powers, 1.0 + solution[3:6] @ powers
+        moved = ideal * above / below + np.tensordot(solution[6:], others, 1)
+        return (moved * focal - wanted).ravel(), above, below
+
+    solution, damping = np.zeros(6 + len(others)), 1e-3
+    error, above, below = at(solution)
+    for _ in range(_STEPS):
+        slopes = np.concatenate([powers / below, -powers * above / below**2])[:, None] * ideal
+        jacobian = (np.concatenate([slopes, others]) * focal).reshape(len(solution), -1).T
+        normal, gradient = jacobian.T @ jacobian, jacobian.T @ error
+        step = np.linalg.lstsq(normal + damping * np.diag(np.diag(normal)), gradient, rcond=None)[0]
+        new, above_new, below_new = at(solution - step)
+        if below_new.min() > _LEAST_BELOW and new @ new < error @ error:
+            solution, error, above, below = solution - step, new, above_new, below_new
+            damping /= 6.0
+        else:
+            damping *= 4.0
+    scale = np.tile([largest, largest**2, largest**3], 2)
+    k1, k2, k3, k4, k5, k6 = solution[:6] / scale
+    p1, p2, *s = solution[6:]
+    return np.array([k1, k2, p1, p2, k3, k4, k5, k6, *s]), float(np.abs(error).max())
+
+
+def _terms(x: Array, y: Array) -> Array:
+    """Return what k1, k2, k3, p1, p2, s1, s2, s3, s4 multiply in x and in y, (9, 2, n)."""
+    r2, zero = x * x + y * y, np.zeros_like(x)
+    r4, both = r2**2, np.stack([x, y])
+    tangential = [(2 * x * y, r2 + 2 * y * y), (r2 + 2 * x * x, 2 * x * y)]
+    prism = [(r2, zero), (r4, zero), (zero, r2), (zero, r4)]
+    return np.stack([both * r2, both * r4, both * r2**3, *map(np.stack, [*tangential, *prism])])
 
 
 _BOTH = ("camera_type", "binning")

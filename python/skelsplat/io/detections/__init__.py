@@ -141,12 +141,16 @@ def open_detections(
     mapping: Mapping[str, str | int | None] | None = None,
     sequence: str | None = None,
     without: Collection[str] = (),
+    unread: Collection[str] = (),
 ) -> Opened:
-    """Open the detections of all cameras to read them in stretches; parameters as of `read_detections`."""
+    """Open the detections of all cameras to read them in stretches; parameters as of `read_detections`.
+
+    Cameras that are ``unread`` are left out as well: the calibration has them, but they could not be read.
+    """
     one_of("frames", frames, FRAME_MODES)
-    names = _camera_names(cameras, ordered=order is not None)
+    names = [*_camera_names(cameras, ordered=order is not None), *unread]
     shifts = check_offsets(offsets, names, cameras.clocks if isinstance(cameras, sk.CameraRig) else {})
-    left_out = cameras_called(without, names, "without")
+    left_out = (*cameras_called(without, names, "without"), *unread)
     kept = tuple(name for name in names if name not in left_out)
     root, advice = Path(path), "without= leaves out cameras"
     with within_memory(root):
@@ -157,7 +161,10 @@ def open_detections(
         else:
             labels = match_by_order(there, names, order, left_out=left_out, otherwise=advice)
         labels = {name: labels[name] for name in kept}
-        views = read(labels)
+        sizes = {
+            name: one.size for name, one in zip(names, cameras, strict=False) if isinstance(one, sk.Camera)
+        }
+        views = {name: view.in_pixels(sizes.get(name)) for name, view in read(labels).items()}
         numbers = shared_frames(root, there.kind, views, labels, frames, shifts)
         chosen = choose_layout(layout, views.values(), root, form.name)
     return Opened(root, views, labels, numbers, shifts, chosen, check_mapping(mapping, chosen), form.name)

@@ -119,7 +119,7 @@ def read_sleap(path: Path) -> View:
         scores = np.transpose(scores, [axes.index(axis) for axis in ("frame", "track", "node")])
     joints = joints_of(path, _TRACKS, xy, scores, clip=True)
     known = array_names(path, _NAMES, nodes, xy.shape[2])
-    edges = _edges(path, arrays.get(_EDGES, ()), len(known))
+    edges = edges_of(path, arrays.get(_EDGES, ()), len(known))
     return replace(array_view(path, joints), joints=known, edges=edges)
 
 
@@ -138,7 +138,7 @@ def _axes(path: Path, arrays: dict[str, Any], nodes: int, stated: Any) -> tuple[
     raise DatasetError(path, _TRACKS, f"shape {expected}", shape)
 
 
-def _edges(path: Path, value: Any, nodes: int) -> tuple[tuple[int, int], ...]:
+def edges_of(path: Path, value: Any, nodes: int) -> tuple[tuple[int, int], ...]:
     """Return the pairs of nodes that a file connects."""
     if not np.size(value):
         return ()

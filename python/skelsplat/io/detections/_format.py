@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -31,6 +31,18 @@ class View:
     sparse: bool = False  # frames in which nobody was found are not listed
     rate: float | None = None  # frames per second, if the file states it
     size: tuple[int, int] | None = None  # width and height of the images, if the file states them
+    fractions: bool = False  # x and y are parts of the image's width and height
+
+    def in_pixels(self, size: tuple[int, int] | None) -> View:
+        """Return the view in pixels of images of this size, if it is known."""
+        if not self.fractions or size is None:
+            return self
+
+        def people(places: Index) -> Iterable[Iterable[Array]]:
+            frames = self.people(places)
+            return ([one * [*size, 1.0] for one in frame] for frame in frames)
+
+        return replace(self, people=people, fractions=False)
 
 
 class Recording(NamedTuple):
@@ -67,6 +79,8 @@ def each(read: Callable[[Path], View]) -> Callable[[Mapping[str, Path]], Mapping
 
 # what other programs call the confidence
 _OTHER_NAMES = frozenset(("conf", "confidences", "likelihood", "prob", "probability", "score", "scores"))
+# pixels of a view that nearly all lie within this are parts of the image's size; joints may be beyond it
+NORMALISED, NEARLY_ALL = 1.5, 0.9
 # no map's peak on average, but a percentage
 _PERCENT = 20.0
 

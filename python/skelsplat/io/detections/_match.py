@@ -114,7 +114,7 @@ def _assigned(candidates: Candidates, names: Sequence[str], advice: str) -> dict
     """Return the label of each camera that has one: first of those that are not idle, closest names first."""
     found: dict[str, str] = {}
     for labels in (candidates.busy, candidates.idle):
-        for fits in (operator.eq, _reads_alike, _is_around):
+        for fits in (operator.eq, reads_alike, _is_around):
             free = [label for label in labels if label not in found.values()]
             pairs = [
                 (name, label)
@@ -133,7 +133,8 @@ def _assigned(candidates: Candidates, names: Sequence[str], advice: str) -> dict
     return found
 
 
-def _reads_alike(name: str, text: str) -> bool:
+def reads_alike(name: str, text: str) -> bool:
+    """Whether a camera and a text have the same words and numbers."""
     return _words(name) == _words(text)
 
 
@@ -181,7 +182,7 @@ def _stated(candidates: Candidates, label: str) -> str:
     """Return what a stated label means: exactly that, or the one of that name in part or read alike."""
     texts = candidates.texts
     parts = [known for known, text in texts.items() if label in (known.rpartition(".")[0], text)]
-    alike = [known for known, text in texts.items() if candidates.named and _reads_alike(label, text)]
+    alike = [known for known, text in texts.items() if candidates.named and reads_alike(label, text)]
     fitting = [label] if label in texts else parts or alike
     if len(fitting) != 1:
         expected = f"the {candidates.kind} {label!r} that order names"

@@ -15,12 +15,10 @@ from skelsplat._arrays import FARTHEST, Array, Index
 from skelsplat._budget import afford, within_memory
 from skelsplat._clocks import between, parted
 from skelsplat.exceptions import DatasetError
-from skelsplat.io.detections._format import View
+from skelsplat.io.detections._format import NEARLY_ALL, NORMALISED, View
 from skelsplat.io.detections._frames import is_uneven
 from skelsplat.io.detections._joints import Joint, arranged, places_of
 
-# pixels of a view that nearly all lie within this are parts of the image's size; joints may be beyond it
-_NORMALISED, _NEARLY_ALL = 1.5, 0.9
 _STRETCH = 4096  # frames
 _FAR = 2**62  # frames: further than any are apart
 _SAME_RATE = 5e-4  # by which videos of one recording may differ in rate; 29.97 and 30 differ by twice that
@@ -167,18 +165,18 @@ class Opened:
             counts += self._counted(people)
             yield people
         for source, (count, near, zeros) in zip(self.sources, counts.T.tolist(), strict=True):
-            if count > 1 and (zeros == count or near - zeros >= max(_NEARLY_ALL * (count - zeros), 1)):
-                actual = f"numbers up to {_NORMALISED:g}, parts of the image's size"
+            if count > 1 and (zeros == count or near - zeros >= max(NEARLY_ALL * (count - zeros), 1)):
+                actual = f"numbers up to {NORMALISED:g}, parts of the image's size"
                 raise DatasetError(source, "keypoints", "pixels of the original image", actual)
 
     def _counted(self, people: Array) -> Index:
-        """Count by view joints, those within `_NORMALISED` and those at (0, 0); raise if one is too far."""
+        """Count by view joints, those within `NORMALISED` and those at (0, 0); raise if one is too far."""
         sizes = np.abs(people[..., :2]).max(axis=-1)
         if (sizes > FARTHEST).any():
             source = self.sources[np.argwhere(sizes > FARTHEST)[0][1]]
             expected = f"pixels within ±{FARTHEST:g}, or none where missing"
             raise DatasetError(source, "keypoints", expected, float(np.nanmax(sizes)))
-        kinds = (np.isfinite(sizes), sizes <= _NORMALISED, sizes == 0.0)
+        kinds = (np.isfinite(sizes), sizes <= NORMALISED, sizes == 0.0)
         return np.stack([kind.sum(axis=(0, 2, 3)) for kind in kinds])
 
     def _padded(self, parts: Sequence[Array], steps: int) -> Array:

@@ -12,13 +12,13 @@ from skelsplat._budget import opened
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io._files import VIDEO_SUFFIXES, head, listed
 from skelsplat.io._run_files import DETECTIONS, folders_of_run, is_run
-from skelsplat.io.detections import _animals, _arrays, _csv, _json
+from skelsplat.io.detections import _animals, _arrays, _csv, _hdf5, _json, _wide
 from skelsplat.io.detections._format import DetectionFormat, View, each
 from skelsplat.io.detections._match import Candidates
 
 # in the order in which a message lists them
 FORMATS: dict[str, DetectionFormat] = {
-    form.name: form for module in (_json, _arrays, _animals, _csv) for form in module.FORMATS
+    form.name: form for module in (_json, _arrays, _animals, _hdf5, _csv, _wide) for form in module.FORMATS
 }
 _SUFFIXES = sorted({suffix for form in FORMATS.values() for suffix in form.suffixes})
 _MOST, _ENTRIES = 64, 10_000  # files looked at per folder: never a million images

@@ -1,7 +1,8 @@
 """Poses in files: npz and json (everything), csv (tidy), trc and c3d (motion capture), nc (movement).
 
-And skeletons with joint rotations, which are only written: bvh and glb. A format is a module and a row in
-`POSE_FORMATS`, under its extension; any that is read is converted into any other.
+And what is only written: skeletons with joint rotations (bvh, glb), and for scripts of other programs
+Anipose's csv and FreeMoCap's npy. A format is a module and a row in `POSE_FORMATS`, under its extension; any
+that is read is converted into any other.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from skelsplat.io.poses._npz import read_npz, write_npz
 from skelsplat.io.poses._opensim import OPENSIM_FILES as OPENSIM_FILES
 from skelsplat.io.poses._opensim import check_opensim as check_opensim
 from skelsplat.io.poses._opensim import write_opensim as write_opensim
+from skelsplat.io.poses._others import write_anipose, write_freemocap
 from skelsplat.io.poses._pose_data import ARRAYS, PoseData, Poses
 from skelsplat.io.poses._trc import check_trc_names, read_trc, write_trc
 from skelsplat.io.poses._xarray import check_packages, read_netcdf, room_for, to_xarray, write_netcdf
@@ -39,9 +41,9 @@ from skelsplat.io.poses._xarray import check_packages, read_netcdf, room_for, to
 
 @dataclass(frozen=True)
 class PoseFormat:
-    """A kind of pose file: how it is read from a path, and written to one with options."""
+    """A kind of pose file: how it is read from a path, if it is, and written to one with options."""
 
-    read: Callable[[str | os.PathLike[str]], PoseData] | None  # None: it is only written
+    read: Callable[[str | os.PathLike[str]], PoseData] | None
     write: Callable[..., None]
     options: tuple[str, ...] = ()  # what `write` understands of the keywords of `write_pose`
     packages: tuple[str, ...] = ()  # modules of the extra "formats" that it needs
@@ -56,17 +58,20 @@ POSE_FORMATS: dict[str, PoseFormat] = {
     "nc": PoseFormat(read_netcdf, write_netcdf, ("frame_rate", "singular"), ("xarray", "h5netcdf", "h5py")),
     "bvh": PoseFormat(None, write_bvh, ("frame_rate", "unit", "up", "limbs")),
     "glb": PoseFormat(None, write_glb, ("frame_rate", "up", "limbs"), ("pygltflib", "scipy")),
+    "anipose.csv": PoseFormat(None, write_anipose),
+    "npy": PoseFormat(None, write_freemocap),
 }
-_OWN_UNIT = ("trc", "c3d", "bvh", "glb")  # these formats do not take any unit
+READ = tuple(kind for kind, entry in POSE_FORMATS.items() if entry.read is not None)
+_OWN_UNIT = ("trc", "c3d", "bvh", "glb", "npy")  # these formats do not take any unit
 
 
 def pose_format(path: str | os.PathLike[str]) -> str:
     """Return the key of `POSE_FORMATS` that the extension of ``path`` names, or raise `InvalidInputError`."""
-    suffix = Path(path).suffix.lower().removeprefix(".")
-    if suffix not in POSE_FORMATS:
+    fitting = [kind for kind in POSE_FORMATS if Path(path).name.lower().endswith(f".{kind}")]
+    if not fitting:
         known = ", ".join(f".{name}" for name in POSE_FORMATS)
         raise InvalidInputError(f"path: expected a name that ends in {known}, got {Path(path).name!r}")
-    return suffix
+    return max(fitting, key=len)
 
 
 def check_pose_format(
@@ -104,8 +109,10 @@ def read_pose(path: str | os.PathLike[str]) -> PoseData:
     """Read poses from a file in the format that its extension names: npz, csv, trc, c3d, json or nc."""
     read = POSE_FORMATS[pose_format(path)].read
     if read is None:
-        known = ", ".join(f".{name}" for name, entry in POSE_FORMATS.items() if entry.read is not None)
-        raise InvalidInputError(f"path: expected a name that ends in {known}, got {Path(path).name!r}")
+        known = ", ".join(f".{kind}" for kind in READ)
+        raise InvalidInputError(
+            f"path: expected poses as {known}, got {Path(path).name!r}, which is only written"
+        )
     return read(path)
 
 
@@ -206,7 +213,7 @@ PEOPLE_FORMATS: dict[str, Callable[[str | os.PathLike[str], Mapping[int, PoseDat
 def is_pose_file(path: Path) -> bool:
     """Tell from the name, and for json, csv and npz from the content, whether ``path`` holds poses."""
     kind = path.suffix.lower().removeprefix(".")
-    if kind not in POSE_FORMATS or POSE_FORMATS[kind].read is None or not path.is_file():
+    if kind not in READ or not path.is_file():
         return False
     if kind == "npz":
         return {"pose", "joint_names", "unit"} <= npz_keys(path)

@@ -1,0 +1,96 @@
+"""Csv files with a line per frame, and columns ``NAME_x``, ``NAME_y`` and a confidence for every joint."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from skelsplat.exceptions import DatasetError
+from skelsplat.io._files import csv_header, csv_lines
+from skelsplat.io.detections._csv import frame_in, number_in
+from skelsplat.io.detections._format import (
+    NEARLY_ALL,
+    NORMALISED,
+    DetectionFormat,
+    View,
+    array_view,
+    each,
+    joints_of,
+)
+
+_SURE = ("likelihood", "confidence", "score", "visibility")
+_FRAMES = ("frame", "frame_number", "frame_idx", "frame_index", "frame_id")
+_CALISCOPE, _ANIPOSE = "img_loc", "_ncams"  # of lines of a point each, of poses
+
+
+def read_wide(path: Path) -> View:
+    """Read lines with ``NAME_x``, ``NAME_y``, and perhaps one of `_SURE` behind the same name.
+
+    A column ``frame`` numbers the lines, which count from 0 without it; any other, as ``NAME_z``, is passed
+    over. Numbers that nearly all lie between 0 and 1.5 are parts of the image's size. Names that count, as
+    ``L0`` to ``L32``, are places.
+    """
+    rows = csv_lines(path)
+    header = [name.strip() for name in next(rows, [])]
+    joints = _joints(header)
+    if not joints or len(set(header)) < len(header):
+        expected = "the columns NAME_x and NAME_y for every joint, once"
+        raise DatasetError(path, "line 1", expected, ", ".join(header)[:200] or "an empty line")
+    count = next((name for name in header if name.lower() in _FRAMES), None)
+    there = {*header}
+    columns = [f"{joint}_{part}" for joint in joints for part in ("x", "y", _sure(joint, there))]
+    frames: list[int] = []
+    values: list[list[float]] = []
+    for number, row in enumerate(rows, start=2):
+        if row:
+            cell = dict(zip(header, row, strict=True))
+            frame = (
+                len(frames)
+                if count is None
+                else frame_in(path, f"line {number}, {count}", cell[count].strip())
+            )
+            values.append(
+                [number_in(path, f"line {number}, {name}", cell.get(name, "1")) for name in columns]
+            )
+            frames.append(frame)
+    numbers = np.array(frames, dtype=np.int64)
+    if not frames or (np.diff(numbers) <= 0).any():
+        actual = "others" if frames else "none"
+        raise DatasetError(path, count or "lines", "a line per frame, numbers ascending", actual)
+    read = np.array(values).reshape(len(frames), 1, len(joints), 3)
+    people = joints_of(path, "line", read[..., :2], read[..., 2], clip=True)
+    # (0, 0) may be a missing one
+    placed = people[np.isfinite(people[..., 0]) & people[..., :2].any(axis=-1), :2]
+    small = np.count_nonzero((placed >= 0.0) & (placed <= NORMALISED)) >= max(NEARLY_ALL * placed.size, 1)
+    view = array_view(path, people, numbers)
+    return replace(view, joints=None if _counted(joints) else joints, fractions=bool(small))
+
+
+def _joints(header: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of the joints; none if these are columns of something else, as of points in 3D."""
+    names, there = [name.removesuffix("_x") for name in header if name.endswith("_x")], {*header}
+    joints = tuple(name for name in names if name and f"{name}_y" in there)
+    flat = not any(f"{name}_z" in there for name in joints)
+    sure = any(f"{name}_{part}" in there for name in joints for part in _SURE)
+    others = _CALISCOPE in joints or any(name.endswith(_ANIPOSE) for name in header)
+    return joints if (flat or sure) and not others else ()
+
+
+def _sure(joint: str, header: Collection[str]) -> str:
+    """Return what follows a joint's name in the column of its confidence; the first if there is none."""
+    return next((part for part in _SURE if f"{joint}_{part}" in header), _SURE[0])
+
+
+def _counted(joints: Sequence[str]) -> bool:
+    """Whether names are one word and the numbers from 0."""
+    word = re.sub(r"\d+$", "", joints[0])
+    return all(joint in (f"{word}{place}", f"{word}{place:02d}") for place, joint in enumerate(joints))
+
+
+FORMATS = (
+    DetectionFormat("wide_csv", (".csv",), lambda path: bool(_joints(csv_header(path))), each(read_wide)),
+)
