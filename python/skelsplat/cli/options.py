@@ -172,7 +172,7 @@ JOB = rows(
     * --y-up  Write TRC and C3D with y up. OpenSim expects it; the calibration must have z up.
     --marker-names STYLE  Joint names in TRC and C3D files: skelsplat (right_hip), or pose2sim (RHip), for
         its OpenSim models. [= skelsplat]
-    * --angles  Write joint angles, angles.csv and .npz with error bars, .mot for OpenSim; strides.csv of walks.
+    * --angles  Write joint angles, angles.csv and .npz with error bars, .mot for OpenSim, and strides.csv.
     --opensim  Write opensim/ for inverse kinematics: markers, their weights, and kinematics.py, which
         runs OpenSim.
     --no-html  Do not write report.html. It takes 5 MB or more.

@@ -48,7 +48,7 @@ from skelsplat.io.run_folder import write_run_inputs
 from skelsplat.run.angles import FILES as ANGLE_FILES
 from skelsplat.run.angles import check_angles, vertical_of, world_up, write_angles
 from skelsplat.run.strides import FILE as STRIDES
-from skelsplat.run.strides import strides_of
+from skelsplat.run.strides import strides_of, write_strides
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -171,8 +171,7 @@ def write_folder(
     run = replace(run, findings=(*run.findings, *notes), report={**run.report, "findings": told})
     if writing.angles:
         write_angles(run, folder, _ASSUMED_FPS)
-    if STRIDES in names:
-        atomic_write_text(folder / STRIDES, strides_of(run))
+        write_strides(run, folder)
     if writing.opensim:
         write_opensim(folder, run.poses, world_up(run.cameras), rate or _ASSUMED_FPS)
     write_run_inputs(folder, run.cameras, run.layout, whole.detections, frames, rate, name)

@@ -14,10 +14,13 @@ import numpy as np
 
 from skelsplat._angles import TOES
 from skelsplat._arrays import Array
+from skelsplat._atomic import atomic_write_text
 from skelsplat.io.poses._csv import csv_text
 from skelsplat.run.angles import vertical_of
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from skelsplat.run._run import Run
 
 FILE = "strides.csv"
@@ -106,3 +109,10 @@ def strides_of(run: Run) -> str:
         numbers = ((first - int(poses.frames[0])) / fps, duration, length, length / duration, stance)
         rows.append([one.side, first, last, *(f"{number:.3f}" for number in numbers)])
     return csv_text([_COLUMNS, *rows]) if rows else ""
+
+
+def write_strides(run: Run, folder: Path) -> None:
+    """Write `FILE` if the run has strides."""
+    text = strides_of(run)
+    if text:
+        atomic_write_text(folder / FILE, text)
