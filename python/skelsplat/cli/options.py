@@ -167,12 +167,12 @@ JOB = rows(
         as they are and do not affect others. Requires --fps. [none]
     Output:
     * -o, --output FOLDER  Folder for the results. [required]
-    * --write FORMATS  Pose files: csv, trc, c3d, json, nc (xarray, movement), bvh, glb (animation),
-        anipose.csv, npy (FreeMoCap). pose.npz is always written. [= csv,trc]
+    * --write FORMATS  Pose files to write. Of csv, trc, c3d, json, nc (xarray, movement), bvh, glb (animation),
+        anipose.csv, npy (FreeMoCap); pose.npz is always written. [= csv,trc]
     * --y-up  Write TRC and C3D with y up. OpenSim expects it; the calibration must have z up.
     --marker-names STYLE  Joint names in TRC and C3D files: skelsplat (right_hip), or pose2sim (RHip), for
         its OpenSim models. [= skelsplat]
-    * --angles  Write joint angles, angles.csv and .npz with error bars, .mot for OpenSim, and strides.csv.
+    * --angles  Write joint angles. angles.csv and .npz have error bars, .mot is for OpenSim; and strides.csv.
     --opensim  Write opensim/ for inverse kinematics: markers, their weights, and kinematics.py, which
         runs OpenSim.
     --no-html  Do not write report.html. It takes 5 MB or more.
