@@ -131,7 +131,7 @@ def test_show_opens_the_page_which_says_why_the_error_of_two_views_rises(monkeyp
         ({"fill_weak": True}, "fill_weak: requires fill_gaps"),
         ({"filter": "butterworth", "fps": None}, "filter: requires fps"),
         ({"filter": "kalman"}, "filter"),
-        ({"write": ("bvh",)}, "write"),
+        ({"write": ("fbx",)}, "write"),
     ],
 )
 def test_an_option_that_is_wrong_is_named(job, options, field):

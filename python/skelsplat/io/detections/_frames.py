@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Mapping, Sequence
-from itertools import chain, pairwise
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
@@ -89,17 +89,17 @@ def shared_frames(
 
 
 def _warn_of_gaps(frames: Mapping[str, Index]) -> None:
-    """Warn of frames that are missing here and there within recordings that have most."""
+    """Warn of frames that some lack here and there within a recording of which they have most."""
     missing = dict[str, list[int]]()
+    union = _joined(np.union1d, frames) if frames else np.empty(0, dtype=np.int64)
     for label, own in frames.items():
-        count = int(own[-1] - own[0]) + 1 - len(own) if len(own) else 0
-        if 0 < count <= _FEW * len(own):
-            gaps = [range(a + 1, b) for a, b in pairwise(own.tolist()) if b - a > 1]
-            missing[label] = [*chain.from_iterable(gaps)]
+        gaps = np.setdiff1d(union[(union > own[0]) & (union < own[-1])], own) if len(own) else own
+        if 0 < len(gaps) <= _FEW * len(own):
+            missing[label] = gaps.tolist()
     if missing:
         each = ", ".join(f"{_numbers(numbers)} in {label}" for label, numbers in missing.items())
-        subject = Subject(frames=tuple(sorted(set(chain.from_iterable(missing.values())))))
-        words = f"Frames without a file or a row: {each}."
+        subject = Subject(frames=tuple(sorted({frame for own in missing.values() for frame in own})))
+        words = f"Frames without detections in the files: {each}."
         warn(Finding("frames_missing", "warning", subject, {"missing": missing}, sentence=words))
 
 
