@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skelsplat._angles import TOES
-from skelsplat._arrays import Array
+from skelsplat._arrays import Array, median
 from skelsplat._atomic import atomic_write_text
 from skelsplat.io.poses._csv import csv_text
 from skelsplat.run.angles import vertical_of
@@ -68,7 +68,7 @@ def find_strides(pose: Array, joints: Sequence[str], up: Array, fps: float) -> l
             for names in (("heel", "ankle"), ("big_toe", *TOES, "ankle"))
         )
         bones = np.diff(pose[:, [place[f"{side}_{joint}"] for joint in _LEG]], axis=1)
-        swing = _SWING * np.nanmedian(np.linalg.norm(bones, axis=-1).sum(axis=1))
+        swing = _SWING * median(np.linalg.norm(bones, axis=-1).sum(axis=1))
         level = heel - (heel @ up)[:, None] * up
         heel_at, toe_at = (np.einsum("ti,ti->t", foot - (left + right) / 2, ahead) for foot in (heel, toe))
         for strike, then in pairwise(_peaks(heel_at, round(_SHORTEST / 2 * fps))):
