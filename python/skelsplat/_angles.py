@@ -1,6 +1,7 @@
 """``joint_angles``: flexion of the limbs, lean of trunk and pelvis, from poses, with error bars.
 
-An angle is a function of a few directions between joints or the middles of joints (`_ANGLES`). Each kind of
+An angle is a function of a few directions between joints or the middles of joints: those of `_ANGLES`, which
+the names of joints give, and a layout's own. Each kind of
 function (`between`, `swing`, `aside`) returns its value and its gradients in these directions; first-order
 propagation through them turns the covariances of the joints into the standard deviation of the angle.
 docs/howto/angles.md defines every angle.
@@ -67,7 +68,7 @@ def joint_angles(
     Knees and elbows have a flexion, hips and shoulders a flexion and an abduction, ankles a dorsiflexion if
     the layout has feet; trunk and pelvis lean against the vertical. All are 0 in upright standing with the
     arms hanging; the guide on joint angles defines each. Those whose joints the layout does not have are left
-    out.
+    out. The layout's own follow, in place of those with the same name.
 
     Parameters
     ----------
@@ -75,7 +76,7 @@ def joint_angles(
         Positions in any unit; NaN where unknown. The axis before N is taken for time: along it, angles that
         can exceed half a turn are continuous.
     layout : str or Layout
-        What the N joints are. Joints are found by the names of the built-in layouts.
+        What the N joints are, and its own angles. Joints are found by the names of the built-in layouts.
     uncertainty : (…, N, 3, 3), optional
         Covariances of the positions, unit². By default ``error_bar`` of a `Refinement`, and none for an
         array. The errors of different joints are taken for independent.
@@ -92,17 +93,21 @@ def joint_angles(
     covariance = None if uncertainty is None else numbers(uncertainty, "uncertainty")
     if covariance is not None and covariance.shape != (*points.shape, 3):
         raise InvalidInputError(f"uncertainty: expected shape {(*points.shape, 3)}, got {covariance.shape}")
-    return angles_of_joints(points, layout.joints, covariance, _vertical(up))
+    return angles_of_joints(points, layout.joints, covariance, _vertical(up), own_angles(layout))
 
 
 def angles_of_joints(
-    points: Array, joints: Sequence[str], covariance: Array | None, up: Array | None
+    points: Array,
+    joints: Sequence[str],
+    covariance: Array | None,
+    up: Array | None,
+    own: Sequence[Angle] = (),
 ) -> JointAngles:
-    """Return the angles of points (…, N, 3) with these names."""
+    """Return the angles of points (…, N, 3) with these names, and a layout's ``own``."""
     place = _places(joints)
-    found = _angles_of(place, leaning=up is not None)
+    found = _angles_of(place, own, leaning=up is not None)
     if not found:
-        expected = "joints of at least one angle, such as left_hip, left_knee and left_ankle"
+        expected = "angles, or joints of one, such as left_hip, left_knee and left_ankle"
         raise InvalidInputError(f"layout: expected {expected}, got {', '.join(joints[:4])}, …")
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         pairs = [_solve(angle, points, place, covariance, up) for angle in found]
@@ -110,9 +115,18 @@ def angles_of_joints(
     return JointAngles(tuple(angle.name for angle in found), degrees, sigma)
 
 
-def angle_names(joints: Sequence[str], *, leaning: bool = True) -> tuple[str, ...]:
+def own_angles(layout: Layout) -> tuple[Angle, ...]:
+    """Return a layout's own angles."""
+    found = []
+    for name, places, sign, offset in layout.angles:
+        a, b, c, d = ((layout.joints[k],) for k in (*places[:2], *places[-2:]))
+        found.append(Angle(name, between, ((a, b), (c, d)), offset, sign))
+    return tuple(found)
+
+
+def known_angles(joints: Sequence[str], own: Sequence[Angle], *, leaning: bool = True) -> list[Angle]:
     """Return the angles that joints of these names have; without ``leaning``, those without a vertical."""
-    return tuple(angle.name for angle in _angles_of(_places(joints), leaning=leaning))
+    return _angles_of(_places(joints), own, leaning=leaning)
 
 
 def _places(joints: Sequence[str]) -> dict[str, int]:
@@ -124,13 +138,15 @@ def _places(joints: Sequence[str]) -> dict[str, int]:
     return place
 
 
-def _angles_of(place: dict[str, int], *, leaning: bool) -> list[_Angle]:
-    return [angle for angle in _ANGLES if angle.joints <= set(place) and (leaning or not angle.leans)]
+def _angles_of(place: dict[str, int], own: Sequence[Angle], *, leaning: bool) -> list[Angle]:
+    replaced = {angle.name for angle in own}
+    every = (*(angle for angle in _ANGLES if angle.name not in replaced), *own)
+    return [angle for angle in every if angle.joints <= set(place) and (leaning or not angle.leans)]
 
 
 @dataclass(frozen=True)
-class _Angle:
-    """An angle of the table: ``offset + sign · kind(directions)``."""
+class Angle:
+    """An angle in degrees: ``offset + sign · kind(directions)``."""
 
     name: str
     kind: Kind
@@ -144,12 +160,20 @@ class _Angle:
         return {joint for ends in self.directions if ends != UP for point in ends for joint in point}
 
     @property
+    def at(self) -> set[str]:
+        """Joints at which it is: where its limb meets another direction, or begins; all if it leans."""
+        limb, *others = ([set(point) for point in ends] for ends in self.directions if ends != UP)
+        if self.leans:
+            return limb[0] | limb[1]
+        return (limb[0] | limb[1]) & set().union(*chain.from_iterable(others)) or limb[0]
+
+    @property
     def leans(self) -> bool:
         return UP in self.directions
 
 
 def _solve(
-    angle: _Angle, points: Array, place: dict[str, int], covariance: Array | None, up: Array | None
+    angle: Angle, points: Array, place: dict[str, int], covariance: Array | None, up: Array | None
 ) -> tuple[Array, Array]:
     """Return an angle and its standard deviation in degrees, both (…)."""
     ends: list[Array] = []
@@ -281,27 +305,27 @@ _PELVIS = (("right_hip",), ("left_hip",))
 _GIRDLE = (("right_shoulder",), ("left_shoulder",))
 
 
-def _of_side(side: str, right: float) -> list[_Angle]:
+def _of_side(side: str, right: float) -> list[Angle]:
     def ends(a: str, b: str) -> Direction:
         return (f"{side}_{a}",), (f"{side}_{b}",)
 
     thigh, arm, foot = ends("hip", "knee"), ends("shoulder", "elbow"), ends("heel", "big_toe")
     outward = (-90.0 * right, right)
     return [
-        _Angle(f"{side}_hip_flexion", swing, (thigh, _TRUNK, _PELVIS), least=-90.0),
-        _Angle(f"{side}_hip_abduction", aside, (thigh, _TRUNK, _PELVIS), *outward),
-        _Angle(f"{side}_knee_flexion", between, (thigh, ends("knee", "ankle"))),
-        _Angle(f"{side}_ankle_dorsiflexion", between, (ends("ankle", "knee"), foot), 90.0, -1.0),
-        _Angle(f"{side}_shoulder_flexion", swing, (arm, _TRUNK, _GIRDLE), least=-90.0),
-        _Angle(f"{side}_shoulder_abduction", aside, (arm, _TRUNK, _GIRDLE), *outward),
-        _Angle(f"{side}_elbow_flexion", between, (arm, ends("elbow", "wrist"))),
+        Angle(f"{side}_hip_flexion", swing, (thigh, _TRUNK, _PELVIS), least=-90.0),
+        Angle(f"{side}_hip_abduction", aside, (thigh, _TRUNK, _PELVIS), *outward),
+        Angle(f"{side}_knee_flexion", between, (thigh, ends("knee", "ankle"))),
+        Angle(f"{side}_ankle_dorsiflexion", between, (ends("ankle", "knee"), foot), 90.0, -1.0),
+        Angle(f"{side}_shoulder_flexion", swing, (arm, _TRUNK, _GIRDLE), least=-90.0),
+        Angle(f"{side}_shoulder_abduction", aside, (arm, _TRUNK, _GIRDLE), *outward),
+        Angle(f"{side}_elbow_flexion", between, (arm, ends("elbow", "wrist"))),
     ]
 
 
-_ANGLES: tuple[_Angle, ...] = (
+_ANGLES: tuple[Angle, ...] = (
     *chain.from_iterable(zip(_of_side("left", -1.0), _of_side("right", 1.0), strict=True)),
-    _Angle("trunk_inclination", between, (_TRUNK, UP)),
-    _Angle("trunk_forward_lean", swing, ((_SHOULDERS, _HIPS), UP, _PELVIS), 0.0, -1.0, least=-180.0),
-    _Angle("trunk_side_lean", aside, (_TRUNK, UP, _PELVIS), 90.0, -1.0),
-    _Angle("pelvis_obliquity", between, (_PELVIS, UP), 90.0, -1.0),
+    Angle("trunk_inclination", between, (_TRUNK, UP)),
+    Angle("trunk_forward_lean", swing, ((_SHOULDERS, _HIPS), UP, _PELVIS), 0.0, -1.0, least=-180.0),
+    Angle("trunk_side_lean", aside, (_TRUNK, UP, _PELVIS), 90.0, -1.0),
+    Angle("pelvis_obliquity", between, (_PELVIS, UP), 90.0, -1.0),
 )

@@ -149,6 +149,10 @@ class Layout:
     lengths : sequence of ((joint, joint), length_mm, sigma_mm)
         Known lengths of limbs, in mm, and their standard deviations, which ``bone_lengths_mm`` of
         the configuration replaces.
+    angles : sequence of (name, joints, sign, offset)
+        Joint angles, ``offset + sign * angle`` in degrees, which `joint_angles` returns as well, or
+        instead of those with the same name. Three joints a, b, c: the angle between a→b and b→c,
+        0 to 180; four: that between a→b and c→d.
     human : bool
         This is a person's body, whose joints are named as in the built-in layouts: bones with known
         ends have the proportions of the population, and joints the published errors of detectors.
@@ -157,7 +161,8 @@ class Layout:
     ------
     InvalidInputError
         An unknown joint name or index, a joint paired with itself, a limb twice, a tier
-        other than 1, 2, 3, or a length that is not positive or of no limb.
+        other than 1, 2, 3, a length that is not positive or of no limb, or an angle of other than
+        three or four joints.
     """
 
     def __new__(
@@ -171,6 +176,7 @@ class Layout:
         occlusion_prone: Sequence[_Joint] | None = None,
         root: Sequence[_Joint] | None = None,
         lengths: Sequence[tuple[Sequence[_Joint], float, float]] | None = None,
+        angles: Sequence[tuple[str, Sequence[_Joint], float, float]] | None = None,
         human: bool = False,
     ) -> Layout: ...
     @staticmethod
@@ -203,6 +209,9 @@ class Layout:
     @property
     def lengths(self) -> tuple[tuple[tuple[int, int], float, float], ...]:
         """Triples ((joint, joint), length in mm, sigma in mm) of the limbs whose length is known."""
+    @property
+    def angles(self) -> tuple[tuple[str, tuple[int, ...], float, float], ...]:
+        """Quadruples (name, joints, sign, offset in degrees) of the layout's own joint angles."""
     @property
     def human(self) -> bool:
         """Whether this is a person's body, with the population's bones and the published errors."""

@@ -38,7 +38,7 @@ def doubts(trial, out, person, *more):
 
 
 def test_the_first_entries_of_the_files_are_several_people(trial, tmp_path):
-    found = doubts(trial, tmp_path, "0")
+    found = doubts(trial, tmp_path, "entry:0")
     assert {"person_by_place", "times_assumed"} <= set(found)
     visible = found["people_visible"]
     assert (visible["people"], visible["share_of_frames"]) == (2, 1.0)

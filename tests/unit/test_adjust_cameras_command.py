@@ -94,7 +94,7 @@ def test_outputs_and_names_that_are_refused(room, tmp_path):
 
 def test_named_cameras_focal_lengths_and_clocks(room, tmp_path):
     out = tmp_path / "fixed.json"
-    options = ["-o", out, *LAYOUT, "--move", "CAM_3", "--focal", "--clock", "--person", 0]
+    options = ["-o", out, *LAYOUT, "--move", "CAM_3", "--focal", "--clock", "--person", "entry:0"]
     result = invoke("adjust-cameras", room / "old.toml", room / "pose", *options)
     assert result.exit_code == 0, result.output
     assert max(map(len, result.stdout.splitlines()[:-1])) <= 80  # the last has the path
@@ -227,14 +227,17 @@ def test_check_cameras_ends_with_the_command_that_corrects_them(room, tmp_path, 
     command += ["--offset", "cam1=0", "--without", "cam4"]
     result = invoke(*command)
     assert result.exit_code == 1
-    *_, introduction, line = result.stdout.splitlines()
+    *_, first, refined, introduction, line = result.stdout.splitlines()
+    assert first == "To refine with all of this corrected:"
+    wanted = shlex.join(["skelsplat", "refine", *map(str, command[1:])])
+    assert refined == f"  {wanted} --adjust-cameras -o out"
     assert introduction == "To measure this, and correct what is sure in a new calibration file:"
-    assert "Correct it in refine with:\n  --adjust-cameras\n" in result.stdout
+    assert "Try --adjust-cameras." in result.stdout
     words = shlex.split(line)
     assert words[:2] == ["skelsplat", "adjust-cameras"]
     assert words[-6:] == ["--offset", "cam1=0", "--without", "cam4", "-o", "fixed.toml"]
     document = json.loads(invoke(*command, "--json").stdout)
-    assert document["adjust"] == line.strip()
+    assert (document["refine"], document["adjust"]) == (refined.strip(), line.strip())
     assert {"setting": "adjust_cameras", "value": True} in document["findings"][0]["remedy"]
     assert invoke(*words[1:]).exit_code == 0
     checked = invoke("check-cameras", "fixed.toml", room / "pose", *LAYOUT, "--json")

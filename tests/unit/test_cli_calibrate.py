@@ -196,7 +196,12 @@ def test_a_recording_that_does_not_tell_is_refused_with_what_to_film(room, tmp_p
         ("late", ["--size", SIZE, "--order", "sorted"], 2, "--order: expected none without intrinsics"),
         ("late", ["--intrinsics", "lenses.toml", "--same-cameras"], 2, "--same-cameras: expected none with"),
         ("late", ["--size", SIZE, "--subject", "S1"], 2, "--subject: requires --intrinsics"),
-        ("late", ["--size", SIZE, "--person", "moves-most"], 2, "--person: expected largest or a number"),
+        (
+            "late",
+            ["--size", SIZE, "--person", "moves-most"],
+            2,
+            "--person: expected largest or an entry such as entry:0",
+        ),
         ("late", ["--size", SIZE, "--distance", "cam1", "cam9", 2], 2, "--distance: expected a camera, one"),
     ],
 )

@@ -95,7 +95,10 @@ def refined_px(room, detections, out, *given):
 
 
 def test_the_order_that_is_printed_puts_exchanged_cameras_right(room, tmp_path):
-    assert "  --order cam2,cam1,cam3,cam4" in check(room, "exchanged").stdout.splitlines()
+    lines = check(room, "exchanged").stdout.splitlines()
+    assert "Try --order cam2,cam1,cam3,cam4." in "\n".join(lines)
+    assert lines[-2] == "To refine with all of this corrected:"
+    assert lines[-1].endswith(" --layout h36m17 --order cam2,cam1,cam3,cam4 -o out")
     order = options(json.loads(check(room, "exchanged", "--json").stdout), "cameras_exchanged")
     assert check(room, "exchanged", *order).exit_code == 0
     right = refined_px(room, "pose", tmp_path / "pose")
@@ -155,13 +158,14 @@ def test_the_person_is_chosen_as_in_refine(room, tmp_path):
         np.savez(tmp_path / f"cam{i + 1}.npz", detections=people)
     command = ["check-cameras", room / "Calib.toml", tmp_path, "--layout", "h36m17", "--json"]
     assert json.loads(invoke(*command).stdout)["ok"] is True
-    assert json.loads(invoke(*command, "--person", "0").stdout)["ok"] is True
-    for other in ("1", "largest"):
+    assert json.loads(invoke(*command, "--person", "entry:0").stdout)["ok"] is True
+    for other in ("entry:1", "largest"):
         report = json.loads(invoke(*command, "--person", other).stdout)
         assert not report["ok"]
         assert min(row["left_out_px"] for row in report["cameras"]) > 20
-    assert_fails(invoke(*command, "--person", "2"), 2, "--person: expected less than 2")
-    assert_fails(invoke(*command, "--person", "tall"), 2, "--person: expected")
+    assert_fails(invoke(*command, "--person", "entry:2"), 2, "--person: expected less than 2")
+    for other in ("tall", "0"):  # a number is somebody who is followed over time, as in refine
+        assert_fails(invoke(*command, "--person", other), 2, "--person: expected", "such as entry:0")
 
 
 def test_what_is_refused(room, views, tmp_path):

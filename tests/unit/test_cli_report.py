@@ -92,7 +92,7 @@ def test_detections_of_other_cameras_are_doubted(recording, arguments):
     a.rename(folder / "c")
     b.rename(a)
     (folder / "c").rename(b)
-    assert invoke(*arguments, *READ, *FAST, "--person", 0).exit_code == 0
+    assert invoke(*arguments, *READ, *FAST, "--person", "entry:0").exit_code == 0
     assert "many_rejected" in [one["kind"] for one in read_report(folder / "out")["findings"]]
     assert invoke(*arguments, *READ, *FAST).exit_code == 0
     report = read_report(folder / "out")

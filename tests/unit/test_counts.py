@@ -9,12 +9,12 @@ import counts
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 36_690,
-    "cli": 3_402,
-    "core": 19_286,
-    "binding": 2_712,
-    "Rust tests": 6_242,
-    "Python tests": 27_805,
+    "package": 36_925,
+    "cli": 3_396,
+    "core": 19_337,
+    "binding": 2_750,
+    "Rust tests": 6_254,
+    "Python tests": 28_036,
     "benchmarks and tools": 4_389,
     "docs, words": 41_452,
     "README, words": 1_330,

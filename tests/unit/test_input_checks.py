@@ -182,6 +182,7 @@ LAYOUT = {
     "root": {"root": 0},
     "joints": {"joints": 2},
     "name": {"name": 1},
+    "an angle of three": {"angles": [("bend", ["a", "b", "a"], 1)]},
     "no joint": {"left_right": [("a", "c")]},
 }
 

@@ -53,6 +53,10 @@ joints = ["nose", "ear_l", "ear_r", "tail"]
 limbs = [["nose", "ear_l"], ["nose", "ear_r"], ["nose", "tail"]]
 bones = [{ joints = ["tail", "nose"], length_mm = 80 }, { joints = ["nose", "ear_l"] }]
 root = ["nose"]
+
+[angles]
+left_ear = { joints = ["nose", "ear_l", "tail"] }
+"head on body" = { joints = ["nose", "ear_l", "nose", "tail"], sign = -1, offset = 90 }
 """
 
 
@@ -68,6 +72,9 @@ def test_what_a_layout_file_leaves_out_follows_from_the_names(tmp_path):
     assert layout.symmetric == ((3, (0, 1), (0, 2)),)
     assert layout.lengths == (((0, 3), 80.0, 8.0),)
     assert layout.root == (0,)
+    assert layout.angles == (("left_ear", (0, 1, 3), 1.0, 0.0), ("head on body", (0, 1, 0, 3), -1.0, 90.0))
+    layouts.write(tmp_path / "again.toml", layout)
+    assert layouts.read(tmp_path / "again.toml") == layout
     assert not layout.human
     bare = layouts.read(write(tmp_path, 'joints = ["a_l", "a_r"]\nleft_right = []'))
     assert (bare.name, bare.left_right, bare.limbs) == ("mine", (), ())
@@ -85,6 +92,7 @@ def test_lengths_of_a_layout_file_place_a_joint_that_one_view_sees(tmp_path):
     assert np.linalg.norm(found[wrist] - found[elbow]) == pytest.approx(length, abs=5.0)
 
 
+BEND = 'joints = ["a", "b"]\n[angles.bend]\njoints = [{}]\n'
 LIMB = 'joints = ["a", "b"]\nlimbs = [["a", "b"]]\n'
 
 
@@ -102,6 +110,14 @@ LIMB = 'joints = ["a", "b"]\nlimbs = [["a", "b"]]\n'
         (LIMB + 'bones = [{ joints = ["a", "b"], length_mm = "3" }]', r"bones\[0\].length_mm"),
         (LIMB + 'bones = [{ joints = ["a", "b"], length_mm = 0 }]', "bones: expected a positive length"),
         ('name = "coco17"\njoints = ["a"]', "name: expected a name of its own, .*, got coco17"),
+        (LIMB + "angles = 3", "angles: expected a table"),
+        (LIMB + "[angles]\nbend = 3", "angles.bend: expected a table"),
+        (LIMB + "[angles.bend]\nsign = 1", "angles.bend.joints: expected a list of strings, got nothing"),
+        (BEND.format('"a", "b"'), "angles.bend.joints: expected three or four joints, got 2"),
+        (BEND.format('"a", "b", "c"'), "angles.bend.joints: expected a joint of the layout, got 'c'"),
+        (BEND.format('"a", "b", "b"'), "angles.bend.joints: expected two different .*, got 'b' twice"),
+        (BEND.format('"a", "b", "a"') + "sign = 2", "angles.bend.sign: expected 1 or -1, got 2"),
+        (BEND.format('"a", "b", "a"') + "zero = 2", "angles.bend.zero: expected one of joints, sign, offset"),
         ('joints = ["a"', "TOML: expected valid TOML, got "),
     ],
 )
@@ -127,6 +143,12 @@ def test_an_unknown_layout_is_an_error_with_the_nearest_name(tmp_path):
         (["REar", "LEar"], ((1, 0),)),
         (["Lear", "Rear", "rear"], ((0, 1),)),
         (["leftear", "rightear"], ((0, 1),)),
+        (["left_paw", "right_paw"], ((0, 1),)),
+        (["FrontLeft", "HindRight", "FrontRight", "HindLeft"], ((0, 2), (3, 1))),
+        (["frontleft_paw", "hindright", "hindleft", "frontright_paw"], ((0, 3), (2, 1))),
+        (["FL", "FR", "RL", "RR", "HL_paw", "HR_paw"], ((0, 1), (2, 3), (4, 5))),
+        (["lf_paw", "rf_paw", "paw1LH", "paw1RH"], ((0, 1), (2, 3))),
+        (["bright", "blue"], ()),
         (["paw_l_1", "paw_r_1", "paw_l_2", "paw_r_2"], ((0, 1), (2, 3))),
         (["hip_left", "left_hip", "right_hip"], ()),  # which of the two?
     ],
@@ -165,6 +187,7 @@ def test_the_command_lists_and_explains(tmp_path, monkeypatch):
     own = write(tmp_path, MOUSE)
     assert "Lengths of bones: nose–tail 80 ± 8 mm." in invoke("layouts", own).stdout
     document = json.loads(invoke("layouts", own, "--json").stdout)
+    assert document["angles"][0] == {"name": "left_ear", "joints": [0, 1, 3], "sign": 1.0, "offset": 0.0}
     assert document["bones"] == [{"joints": [0, 3], "length_mm": 80.0, "sigma_mm": 8.0}]
     assert invoke("layouts", "hand21", "-q").stdout.split() == list(layouts.get("hand21").joints)
     (tmp_path / "dlc").mkdir()

@@ -55,6 +55,10 @@ def records(result):
     return [json.loads(text, parse_constant=pytest.fail) for text in result.stdout.splitlines()]
 
 
+def unmeasured(answer):
+    return {key: value for key, value in answer.items() if key != "latency_ms"}
+
+
 def test_the_answers_are_those_of_a_refiner(tmp_path, rig, detections):
     result = run(tmp_path, *(line(t, found) for t, found in enumerate(detections)))
     assert result.exit_code == 0, result.output
@@ -183,8 +187,8 @@ def test_a_malformed_line_changes_nothing(tmp_path, detections):
         (error,) = [answer for answer in answers if "error" in answer]
         assert (error["frame"], error["line"]) == ("wrong", 4)
         without = records(run(tmp_path, *lines[:3], *lines[4:], options=options))
-        poses = [answer["pose"] for answer in answers if "error" not in answer]
-        assert poses == [answer["pose"] for answer in without]
+        answers = [unmeasured(answer) for answer in answers if "error" not in answer]
+        assert answers == [unmeasured(answer) for answer in without]
 
 
 def test_any_depth_of_nesting_is_answered(tmp_path, detections):
@@ -209,31 +213,39 @@ def test_bad_options(tmp_path, rig, extra, option):  # noqa: ARG001  the file is
     assert_fails(invoke("live", tmp_path / "Calib.toml", *extra), 2, f"error: {option}: ")
 
 
-def test_with_a_lag_every_line_is_answered_once(tmp_path, detections):
+def test_with_a_lag_frames_are_answered_once_and_lines_that_come_too_early_with_what_waits(
+    tmp_path, detections
+):
     lines = [line(t, found) for t, found in enumerate(detections)]
     again = json.dumps({"frame": "again", "reset": True, "detections": plain(detections[0])})
     result = run(tmp_path, *lines, again, options=("--fps", "25", "--lag", "2"))
     answers = records(result)
-    assert [answer["frame"] for answer in answers] == [*range(T), "again"]
-    assert all(None not in answer["pose"] for answer in answers)
+    waiting = [answer.get("waiting") for answer in answers]
+    assert waiting == [1, 2, *[None] * T, 1, None]
+    frames = [answer for answer in answers if "waiting" not in answer]
+    assert [answer["frame"] for answer in frames] == [*range(T), "again"]
+    assert all(None not in answer["pose"] for answer in frames)
+    assert "each line is answered with the frame 2 before" in result.stderr
     assert f"lines solved {T + 1}, malformed 0" in result.stderr
 
 
 # as a process
 
 
-def start(tmp_path):
-    command = [sys.executable, "-m", "skelsplat", "live", str(tmp_path / "Calib.toml"), *OPTIONS]
+def start(tmp_path, *options):
+    command = [sys.executable, "-m", "skelsplat", "live", str(tmp_path / "Calib.toml"), *OPTIONS, *options]
     pipe = subprocess.PIPE
     return subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
 
 
-def test_every_line_is_answered_at_once_and_ctrl_c_is_status_130(tmp_path, detections):
-    with start(tmp_path) as process:
-        for t in range(2):
+@pytest.mark.parametrize("lag", [0, 1])
+def test_every_line_is_answered_at_once_and_ctrl_c_is_status_130(tmp_path, detections, lag):
+    with start(tmp_path, "--fps", "25", "--lag", str(lag)) as process:
+        for t in range(2 + lag):
             process.stdin.write(line(t, detections[t]) + "\n")
             process.stdin.flush()
-            assert json.loads(process.stdout.readline())["frame"] == t
+            answer = json.loads(process.stdout.readline())
+            assert answer["frame"] == t - lag if t >= lag else answer == {"waiting": t + 1}
         process.send_signal(signal.SIGINT)
         assert process.wait() == 130
         said = process.stderr.read().splitlines()

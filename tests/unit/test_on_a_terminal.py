@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from command_line import READ, read_report, texts
-from skelsplat.cli.output import print_finding
+from skelsplat.cli.output import print_findings
 from skelsplat.cli.table import new_table, print_parts
 from skelsplat.findings import Finding, Remedy, Subject
 
@@ -108,7 +108,7 @@ def test_a_finding_keeps_its_options_whole():
     remedy = (Remedy("without", "the camera"), Remedy("frame_by_frame"))
     sentence = "Something is wrong with the camera."
     finding = Finding("remark", "warning", Subject(), {}, remedy, sentence=sentence)
-    print_finding(console, finding, of="person 1: ")
+    print_findings([finding], console, of="person 1: ")
     assert console.file.getvalue().splitlines() == [
         "! person 1: Something is wrong with the camera.",
         "Try --without 'the camera', --frame-by-frame.",

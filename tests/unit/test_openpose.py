@@ -170,3 +170,17 @@ def test_a_malformed_file_is_named_with_its_field(root, case):
         read(root)
     assert caught.value.path == a_file(root)
     assert "\n" not in str(caught.value)
+
+
+def test_frames_that_one_camera_lacks_here_and_there_are_named(root):
+    for camera in (1, 2):
+        for frame in range(3, 60):
+            shutil.copy(a_file(root, camera, 2), a_file(root, camera, frame))
+    for frame in (20, 31, 32, 50):
+        a_file(root, 2, frame).unlink()
+    a_file(root, 1, 20).unlink()  # a frame that all lack is none of the recording
+    with pytest.raises(sk.DatasetError, match="no frame 31 to 32, 50 in cam02_json"):
+        read(root)
+    for mode in ("intersection", "union"):
+        with pytest.warns(UserWarning, match=r"in the files: 31 to 32, 50 in cam02_json\.$"):
+            read(root, frames=mode)

@@ -8,7 +8,7 @@ import pytest
 from command_line import READ, invoke, read_report
 from detection_cases import CASES
 from detection_files import Take
-from skelsplat import synthetic
+from skelsplat import layouts, synthetic
 from skelsplat.io import read_detections, write_calibration
 from skelsplat.run.bones import find_lengths
 from skelsplat.synthetic import DetectionNoise
@@ -37,7 +37,7 @@ def test_another_person_in_all_views_at_once_is_a_jump(frames):
     """Each file holds one person, and from one frame to the next another one."""
     people = seen(crossing(apart_mm=2500.0), RIG)
     people[frames, :, 0] = people[frames, :, 1]
-    (doubt,) = doubts_of(people[:, :, :1], RIG, "0")
+    (doubt,) = doubts_of(people[:, :, :1], RIG, "entry:0")
     times = "once" if frames.stop is None else "2 times"
     assert doubt.startswith(f"The person jumps {times} from one frame to the next, by up to ")
     assert doubt.endswith("change to another person, or frames are missing or out of order.")
@@ -59,11 +59,26 @@ def test_lengths_that_vary_are_named_by_the_limb_that_varies_most():
 def test_somebody_else_in_some_views_is_told_without_a_crowd(rig, noise, views):
     """Each file holds one person, but every other frame of one or two views somebody else."""
     people = seen(crossing(), rig, noise)
-    assert not [doubt for doubt in findings_of(people[:, :, :1], rig, "0") if doubt.startswith("In ")]
+    assert not [doubt for doubt in findings_of(people[:, :, :1], rig, "entry:0") if doubt.startswith("In ")]
     people[::2, views, 0] = people[::2, views, 1]
-    (doubt,) = (doubt for doubt in findings_of(people[:, :, :1], rig, "0") if doubt.startswith("In "))
+    (doubt,) = (doubt for doubt in findings_of(people[:, :, :1], rig, "entry:0") if doubt.startswith("In "))
     if views == slice(0, 1) and len(rig) > 3:  # of two against two, nothing tells which are the others
         assert f"{rig.names[0]} in " in doubt
+
+
+def test_a_detector_of_one_person_is_named_as_the_cause_where_views_show_different_people():
+    layout, people = layouts.MEDIAPIPE33, seen(crossing(apart_mm=2500.0), RIG)
+    joints = [name for name in layout.joints if name in LAYOUT.joints]
+    one = np.full((*people.shape[:2], 1, layout.n_joints, 3), np.nan)
+    here, there = ([where.joints.index(name) for name in joints] for where in (layout, LAYOUT))
+    one[..., here, :] = people[:, :, :1, there]
+
+    def causes():
+        return [words for words in findings_of(one, RIG, layout=layout) if words.startswith("MediaPipe ")]
+
+    assert not causes()
+    one[:, 2:, :, here] = people[:, 2:, 1:2, there]  # two of the four follow somebody else
+    assert len(causes()) == 1
 
 
 def test_of_several_people_the_choice_is_doubted_and_another_is_offered(tmp_path):
@@ -78,7 +93,7 @@ def test_of_several_people_the_choice_is_doubted_and_another_is_offered(tmp_path
         assert result.exit_code == 0, result.output
         return {one["kind"]: one for one in read_report(tmp_path / "out")["findings"]}
 
-    assert {"person_by_place", "people_visible", "many_rejected"} <= set(found("--person", 0))
+    assert {"person_by_place", "people_visible", "many_rejected"} <= set(found("--person", "entry:0"))
     assert set(found()) == {"people_visible"}
     place, frame = found("--fps", 50)["people_visible"]["numbers"]["followed"]
     followed = read_detections(tmp_path / "out" / "detections.npz", list(RIG.names), layout=LAYOUT).people

@@ -31,6 +31,7 @@ OWN = sk.Layout(
     left_right=[(1, 3), (2, 4)],
     occlusion_prone=["l_wrist", "r_wrist"],
     root=[0],
+    angles=[("bend", ["neck", "l_elbow", "l_wrist"], -1, 90)],
 )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import READ, RESULTS, invoke, read_report
+from command_line import READ, RESULTS, assert_fails, invoke, read_report
 from skelsplat.io import read_npz
 from skelsplat.run import Run
 from skelsplat.run.angles import FILES, check_angles
@@ -101,8 +101,8 @@ def test_cameras_without_a_vertical_leave_out_trunk_and_pelvis(finished_run, tmp
 
 
 def test_a_layout_without_angles_is_refused_before_the_work():
-    with pytest.raises(sk.InvalidInputError, match=r"angles: expected a layout with names.*, got hand21"):
-        check_angles(sk.layouts.get("hand21"))
+    with pytest.raises(sk.InvalidInputError, match=r"angles: expected a layout with angles.*, got fly38"):
+        check_angles(sk.layouts.get("fly38"))
 
 
 # plot
@@ -119,3 +119,37 @@ def test_angles_are_drawn_with_their_bands(with_angles, tmp_path, figures):
         curves = [line.get_ydata() for axes in figures[0].axes for line in axes.lines]
         assert any(np.array_equal(curve, stored["degrees"][:, column]) for curve in curves)
     assert (tmp_path / "angles.png").is_file()
+
+
+def test_chosen_joints_choose_the_angles_at_them(with_angles, tmp_path):
+    def drawn(joints):
+        return invoke("plot", with_angles, "--only", "angles", "-o", tmp_path, "--json", "--joints", joints)
+
+    names = [one["angle"] for one in json.loads(drawn("left_knee,right_elbow,head").stdout)["angles"]]
+    assert sorted(names) == [
+        "left_knee_flexion",
+        "right_elbow_flexion",
+    ]
+    assert len(json.loads(drawn("all").stdout)["angles"]) == NAMES
+    assert_fails(drawn("head"), 1, "no angle at head")
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_a_layout_with_angles_of_its_own_brings_them_into_files_and_figures(finished_run, tmp_path):
+    joints, limbs = sk.layouts.H36M17.joints, sk.layouts.H36M17.limbs
+    own = sk.Layout("own", joints, limbs=limbs, angles=[("bend", ["spine", "neck", "head"], -1, 90)])
+    sk.layouts.write(tmp_path / "own.toml", own)
+    stored = [finished_run / "cameras.json", finished_run / "detections.npz"]
+    command = ["refine", *stored, "--unit", "mm", "--layout", tmp_path / "own.toml", "--angles"]
+    result = invoke(*command, "--fps", 50, "-o", tmp_path / "out", "--no-html")
+    assert result.exit_code == 0, result.output
+    poses = read_npz(tmp_path / "out" / "pose.npz")
+    expected = sk.joint_angles(poses.pose, layout=own, uncertainty=poses.error_bar)
+    with np.load(tmp_path / "out" / "angles.npz") as stored:
+        assert tuple(stored["names"]) == expected.names
+        assert expected.names[-1] == "bend"
+        np.testing.assert_array_equal(stored["degrees"], expected.degrees)
+        np.testing.assert_array_equal(stored["sigma"], expected.sigma)
+    result = invoke("plot", tmp_path / "out", "--joints", "neck", "--only", "angles", "--json")
+    (drawn,) = json.loads(result.stdout)["angles"]
+    assert drawn["angle"] == "bend"

@@ -150,6 +150,7 @@ def test_a_later_run_removes_what_an_earlier_one_wrote(recording, tmp_path):
         (["--people", "some"], ["--people: expected all or a number of at least 1, got 'some'"]),
         (["--people", "0"], ["--people: expected all or a number of at least 1, got '0'"]),
         (["--people", "all", "--person", "1"], ["--person: cannot be combined with people"]),
+        (["--person", "entry:5"], ["--person: expected less than 2 (no file has more people), got entry:5"]),
         (["--person", "5"], ["--person: expected one of 0, 1 (the people found), got 5"]),
         (["--person", "cam9:3,4"], ["--person: expected a camera, one of", "got 'cam9'"]),
         (
@@ -163,7 +164,7 @@ def test_a_wrong_choice_is_named(recording, tmp_path, options, parts):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("options", [["--people", "all"], ["--person", "moves-most"]])
+@pytest.mark.parametrize("options", [["--people", "all"], ["--person", "moves-most"], ["--person", 0]])
 def test_the_frame_rate_has_to_be_known(recording, tmp_path, options):
     arguments = [argument for argument in command(recording, tmp_path) if argument not in ("--fps", FPS)]
     text = "--fps: expected the frame rate, which following people over time needs"

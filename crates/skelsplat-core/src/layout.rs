@@ -29,6 +29,20 @@ pub struct KnownLength {
     pub sigma_mm: f64,
 }
 
+/// A joint angle of a layout's own, in degrees: `offset + sign · angle`, the angle between two
+/// segments, 0 to 180.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OwnAngle {
+    /// What it is called.
+    pub name: String,
+    /// Three joints a, b, c: between a→b and b→c, 0 if in line. Four: between a→b and c→d.
+    pub joints: Vec<usize>,
+    /// 1 or −1.
+    pub sign: f64,
+    /// Degrees.
+    pub offset: f64,
+}
+
 /// The parts of a [`Layout`]. All except the joints may be empty.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LayoutSpec {
@@ -48,6 +62,8 @@ pub struct LayoutSpec {
     pub root: Vec<usize>,
     /// Lengths of limbs that are known; `bone_lengths_mm` of a configuration replaces them.
     pub lengths: Vec<KnownLength>,
+    /// Joint angles beyond those that the names of joints give, or in their place.
+    pub angles: Vec<OwnAngle>,
     /// Whether this is a person's body, with the joint names of the built-in layouts: its bones
     /// have the population's proportions, and its joints the published errors.
     pub human: bool,
@@ -74,12 +90,14 @@ impl Layout {
     /// # Errors
     /// [`Error::InvalidInput`] naming the field: no joints, an empty or repeated joint name, an
     /// index out of range, a limb or pair of a joint with itself, a limb twice, a joint in two
-    /// left–right pairs, a tier other than 1, 2, 3, or a length that is not positive.
+    /// left–right pairs, a tier other than 1, 2, 3, a length that is not positive, or an angle of
+    /// other than three or four joints.
     pub fn new(spec: LayoutSpec) -> Result<Self> {
         check_joints(&spec.joints)?;
         check_indices(&spec)?;
         check_pairs(&spec)?;
         check_lengths(&spec)?;
+        check_angles(&spec)?;
         Ok(Self(spec))
     }
 
@@ -176,6 +194,38 @@ fn check_lengths(spec: &LayoutSpec) -> Result<()> {
                 let expected = format!("a positive {quantity} in mm");
                 return Err(Error::invalid("lengths", expected, value.to_string()));
             }
+        }
+    }
+    Ok(())
+}
+
+fn check_angles(spec: &LayoutSpec) -> Result<()> {
+    for (i, angle) in spec.angles.iter().enumerate() {
+        if angle.name.is_empty() || spec.angles[..i].iter().any(|other| other.name == angle.name) {
+            let actual = format!("'{}'", angle.name);
+            return Err(Error::invalid(format!("angles[{i}]"), "a name not used before", actual));
+        }
+        let wrong = |key, expected: &str, actual| {
+            Err(Error::invalid(format!("angles.{}.{key}", angle.name), expected, actual))
+        };
+        let segments: &[[usize; 2]] = match angle.joints[..] {
+            [a, b, c] => &[[a, b], [b, c]],
+            [a, b, c, d] => &[[a, b], [c, d]],
+            _ => return wrong("joints", "three or four joints", angle.joints.len().to_string()),
+        };
+        if let Some(bad) = angle.joints.iter().find(|&&joint| joint >= spec.joints.len()) {
+            let expected = format!("indices below {}", spec.joints.len());
+            return wrong("joints", &expected, bad.to_string());
+        }
+        if let Some([joint, _]) = segments.iter().find(|[a, b]| a == b) {
+            let actual = format!("'{}' twice", spec.joints[*joint]);
+            return wrong("joints", "two different joints of each segment", actual);
+        }
+        if angle.sign.abs() != 1.0 {
+            return wrong("sign", "1 or -1", angle.sign.to_string());
+        }
+        if !angle.offset.is_finite() {
+            return wrong("offset", "a finite number of degrees", angle.offset.to_string());
         }
     }
     Ok(())

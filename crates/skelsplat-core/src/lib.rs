@@ -99,7 +99,7 @@ pub use camera::{Camera, Distortion};
 pub use detections::Detections;
 pub use error::{Error, Result};
 pub use follow::follow;
-pub use layout::{KnownLength, Layout, LayoutSpec, SymmetricPair};
+pub use layout::{KnownLength, Layout, LayoutSpec, OwnAngle, SymmetricPair};
 pub use nalgebra;
 pub use outcome::{JointStatus, StopReason};
 pub use paper::PaperSettings;

@@ -4,7 +4,7 @@ use pyo3::Borrowed;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
 use skelsplat_core::Error;
-use skelsplat_core::{KnownLength, Layout as Core, LayoutSpec, SymmetricPair};
+use skelsplat_core::{KnownLength, Layout as Core, LayoutSpec, OwnAngle, SymmetricPair};
 
 use crate::args::{JointNames, Name, Rebuilt, Tier, object, rebuilt, repr, type_name};
 use crate::errors::{Failure, Result, in_words};
@@ -28,6 +28,10 @@ use crate::errors::{Failure, Result, in_words};
 /// lengths : sequence of ((joint, joint), length_mm, sigma_mm)
 ///     Known lengths of limbs, in mm, and their standard deviations, which ``bone_lengths_mm`` of
 ///     the configuration replaces.
+/// angles : sequence of (name, joints, sign, offset)
+///     Joint angles, ``offset + sign * angle`` in degrees, which `joint_angles` returns as well, or
+///     instead of those with the same name. Three joints a, b, c: the angle between a→b and b→c,
+///     0 to 180; four: that between a→b and c→d.
 /// human : bool
 ///     This is a person's body, whose joints are named as in the built-in layouts: bones with known
 ///     ends have the proportions of the population, and joints the published errors of detectors.
@@ -36,7 +40,8 @@ use crate::errors::{Failure, Result, in_words};
 /// ------
 /// InvalidInputError
 ///     An unknown joint name or index, a joint paired with itself, a limb twice, a tier
-///     other than 1, 2, 3, or a length that is not positive or of no limb.
+///     other than 1, 2, 3, a length that is not positive or of no limb, or an angle of other than
+///     three or four joints.
 #[pyclass(frozen, eq, module = "skelsplat", name = "Layout")]
 #[derive(PartialEq)]
 pub(crate) struct Layout(pub(crate) Core);
@@ -63,7 +68,7 @@ type Given<'a> = Option<&'a Bound<'a, PyAny>>;
 /// Reads an argument that gives joints by index or by name.
 #[derive(Clone, Copy)]
 struct Reader<'a> {
-    argument: &'static str,
+    argument: &'a str,
     joints: &'a [String],
 }
 
@@ -129,6 +134,18 @@ impl Reader<'_> {
             Ok(KnownLength { limb: limb.ok_or_else(none)?, mean_mm, sigma_mm })
         })
     }
+
+    fn angles(&self, value: Given<'_>) -> Result<Vec<OwnAngle>> {
+        let expected = "quadruples (name, joints, sign, offset in degrees)";
+        self.each(value, expected, |item| {
+            let words = || Error::invalid(self.argument, expected, repr(item));
+            let (name, joints, sign, offset): (String, Bound<'_, PyAny>, f64, f64) =
+                item.extract().map_err(|e| in_words(item.py(), e, words))?;
+            let argument = format!("{}.{name}.joints", self.argument);
+            let joints = Reader { argument: &argument, ..*self }.list(Some(&joints))?;
+            Ok(OwnAngle { name, joints, sign, offset })
+        })
+    }
 }
 
 #[pymethods]
@@ -136,7 +153,7 @@ impl Layout {
     #[new]
     #[pyo3(signature = (
         name, joints, *, limbs=None, symmetric=None, left_right=None, occlusion_prone=None,
-        root=None, lengths=None, human=false
+        root=None, lengths=None, angles=None, human=false
     ))]
     #[allow(clippy::too_many_arguments, reason = "a layout's parts, all but two by keyword")]
     fn new(
@@ -148,6 +165,7 @@ impl Layout {
         occlusion_prone: Given<'_>,
         root: Given<'_>,
         lengths: Given<'_>,
+        angles: Given<'_>,
         human: bool,
     ) -> Result<Self> {
         let of = |argument| Reader { argument, joints: &joints.0 };
@@ -159,6 +177,7 @@ impl Layout {
             left_right: of("left_right").pairs(left_right)?,
             occlusion_prone: of("occlusion_prone").list(occlusion_prone)?,
             root: of("root").list(root)?,
+            angles: of("angles").angles(angles)?,
             human,
             name: name.0,
             joints: joints.0.clone(),
@@ -229,6 +248,18 @@ impl Layout {
         PyTuple::new(py, known.map(|l| (ends(l), l.mean_mm, l.sigma_mm)))
     }
 
+    /// Quadruples (name, joints, sign, offset in degrees) of the layout's own joint angles.
+    #[getter]
+    fn angles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let rows: PyResult<Vec<_>> = self
+            .0
+            .angles
+            .iter()
+            .map(|a| Ok((a.name.as_str(), PyTuple::new(py, &a.joints)?, a.sign, a.offset)))
+            .collect();
+        PyTuple::new(py, rows?)
+    }
+
     /// Whether this is a person's body, with the population's bones and the published errors.
     #[getter]
     fn human(&self) -> bool {
@@ -245,9 +276,16 @@ impl Layout {
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Rebuilt<'py>> {
         let (py, layout) = (slf.py(), &slf.get().0);
         let keywords = PyDict::new(py);
-        for name in
-            ["limbs", "symmetric", "left_right", "occlusion_prone", "root", "lengths", "human"]
-        {
+        for name in [
+            "limbs",
+            "symmetric",
+            "left_right",
+            "occlusion_prone",
+            "root",
+            "lengths",
+            "angles",
+            "human",
+        ] {
             keywords.set_item(name, slf.getattr(name)?)?;
         }
         let arguments = (&layout.name, &layout.joints).into_pyobject(py)?;

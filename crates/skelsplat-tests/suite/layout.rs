@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use skelsplat_core::{Error, KnownLength, Layout, LayoutSpec, SymmetricPair};
+use skelsplat_core::{Error, KnownLength, Layout, LayoutSpec, OwnAngle, SymmetricPair};
 use skelsplat_tests::refused;
 
 fn all() -> impl Iterator<Item = Layout> {
@@ -137,6 +137,12 @@ fn arms() -> LayoutSpec {
         occlusion_prone: vec![3, 4],
         root: vec![0],
         lengths: vec![KnownLength { limb: 2, mean_mm: 60.0, sigma_mm: 6.0 }],
+        angles: vec![OwnAngle {
+            name: "bend".into(),
+            joints: vec![0, 1, 3],
+            sign: -1.0,
+            offset: 90.0,
+        }],
         human: false,
     }
 }
@@ -152,7 +158,7 @@ fn a_layout_of_ones_own() {
 #[test]
 fn broken_layouts_are_refused() {
     type Break = fn(&mut LayoutSpec);
-    let cases: [(Break, &str); 14] = [
+    let cases: [(Break, &str); 20] = [
         (|s| s.joints.clear(), "joints"),
         (|s| s.joints[2].clear(), "joints[2]"),
         (|s| s.joints[3] = "neck".into(), "joints[3]"),
@@ -167,6 +173,12 @@ fn broken_layouts_are_refused() {
         (|s| s.lengths.push(s.lengths[0]), "lengths"),
         (|s| s.lengths[0].mean_mm = 0.0, "lengths"),
         (|s| s.lengths[0].sigma_mm = f64::NAN, "lengths"),
+        (|s| s.angles.push(s.angles[0].clone()), "angles[1]"),
+        (|s| s.angles[0].joints.truncate(2), "angles.bend.joints"),
+        (|s| s.angles[0].joints[2] = 5, "angles.bend.joints"),
+        (|s| s.angles[0].joints[2] = 1, "angles.bend.joints"),
+        (|s| s.angles[0].sign = 2.0, "angles.bend.sign"),
+        (|s| s.angles[0].offset = f64::INFINITY, "angles.bend.offset"),
     ];
     for (break_it, field) in cases {
         let mut spec = arms();

@@ -19,7 +19,7 @@ from skelsplat.cli import options
 from skelsplat.cli._app import FAILED
 from skelsplat.cli.command import Answer, Command, answers, takes
 from skelsplat.cli.config import MisfitError, entries_of, options_in, source_of, unknown
-from skelsplat.cli.output import print_finding, print_message, print_text, progress
+from skelsplat.cli.output import print_findings, print_message, print_text, progress
 from skelsplat.cli.rows import rows
 from skelsplat.cli.table import new_table, print_adjusted, print_table
 from skelsplat.exceptions import DatasetError
@@ -181,8 +181,7 @@ def _print(found: Batch, folder: Path, console: Console) -> None:
         names = f"{len(session.offsets)} recordings of {session.calibration}"
         print_text(console, f"{session.output}: adjusted by {names}:")
         print_adjusted(console, session.cameras)
-        for finding in session.findings:
-            print_finding(console, finding, own_line=True)
+        print_findings(session.findings, console)
     count = {status: sum(one.status == status for one in found.recordings) for status in (DONE, UNCHANGED)}
     total = len(found.recordings)
     words = f"{total} recording{'s' * (total != 1)}: {count[DONE]} refined"

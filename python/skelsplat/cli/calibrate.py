@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,8 @@ from skelsplat._optional import DRAWING, check_installed
 from skelsplat._words import number
 from skelsplat.cli import options
 from skelsplat.cli.command import Answer, answers
-from skelsplat.cli.config import source_of
-from skelsplat.cli.output import print_finding, print_text, progress, say, tell
+from skelsplat.cli.config import given_again, source_of
+from skelsplat.cli.output import print_findings, print_text, progress, say, tell_all
 from skelsplat.cli.rows import rows
 from skelsplat.cli.table import new_table, print_table
 from skelsplat.io import write_calibration
@@ -62,8 +63,8 @@ _ROWS = (
         * --clock  Also find clocks, up to 10 s and to parts of a frame: cameras without a common trigger.
         --fps HZ  Frame rate, which --clock needs. [as files or videos state it]
         Input:
-        * --person WHO  Use one of several people. N: entry N of each file, from 0; largest: the largest in
-            each image. [all people]
+        * --person WHO  Use one of several people. largest: the largest in each image; entry:N: entry N of
+            each file, from 0. [all people]
         """,
         stature=float,
         distance={"kind": tuple[str, str, float]},
@@ -128,13 +129,8 @@ def calibrate(
         "refine": commands,
     }
 
-    def tell_all(_console: Console) -> None:
-        for finding in found.findings:
-            tell(finding)
-
-    return Answer(
-        document, partial(_print, found, output, report, commands), tell_all, status=0 if sure else 1
-    )
+    show = partial(_print, found, output, report, commands)
+    return Answer(document, show, partial(tell_all, found.findings), status=0 if sure else 1)
 
 
 def _check_report(report: Path | None, source: Path, *, force: bool) -> None:
@@ -150,11 +146,7 @@ def _again(context: typer.Context, recorded: Recorded, *, several: bool) -> Iter
     name = "-".join(part for part in recorded.path.parts if part.strip("./"))
     yield from (str(recorded.path), "-o", f"out-{name}" if several else "out")
     of_frames = source_of(context, "frames") != "DEFAULT"
-    for row in (one for one in _ROWS if one.name in _FORWARDED):
-        value = context.params[row.name]
-        if value and source_of(context, row.name) != "DEFAULT":
-            for one in value if row.many else [value]:
-                yield from (row.flag, f"{one:.12g}" if isinstance(one, float) else str(one))
+    yield from chain.from_iterable(given_again(context, [row for row in _ROWS if row.name in _FORWARDED]))
     if recorded.uneven and not of_frames:
         yield from ("--frames", "union")
     if recorded.order is not None:
@@ -172,8 +164,7 @@ def _print(found: Calibrated, output: Path, report: Path | None, again: list[str
     print_table(console, table)
     console.print(_LEGEND, style="dim")
     console.print()
-    for finding in found.findings:
-        print_finding(console, finding)
+    print_findings(found.findings, console)
     if report is not None:
         say(f"Wrote {report}.")
     if not again:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,8 @@ from rich.table import Table
 from skelsplat._words import number
 from skelsplat.cli import options
 from skelsplat.cli.command import Answer, answers
-from skelsplat.cli.config import source_of
-from skelsplat.cli.output import print_finding, print_text, say, tell
+from skelsplat.cli.config import given_again, source_of
+from skelsplat.cli.output import print_findings, print_text, remedy_words, say, tell_all
 from skelsplat.cli.rows import rows
 from skelsplat.cli.table import new_table, print_adjusted, print_table
 from skelsplat.io import write_calibration
@@ -66,11 +67,12 @@ def check_cameras(
     if detections is None:
         _refuse(context)
     found = check(calibration, detections, **options.reading(given))
-    report, adjust = found.report, None
+    report, files = found.report, (str(calibration), str(detections))
+    given_before = given_again(context, (*options.CALIBRATION, *options.RECORDING))
+    refine, adjust = _refined(files, given_before, report), None
     if report.misplaced:
-        again = [word for pair in _given(context) for word in pair]
-        files = ("skelsplat", "adjust-cameras", str(calibration), str(detections))
-        adjust = shlex.join([*files, *again, "-o", "fixed.toml"])
+        words = ("skelsplat", "adjust-cameras", *files, *chain.from_iterable(given_before))
+        adjust = shlex.join([*words, "-o", "fixed.toml"])
     document = {
         "calibration": str(calibration),
         "detections": None if detections is None else str(detections),
@@ -78,14 +80,13 @@ def check_cameras(
         "ok": report.ok,
         "findings": [finding.to_dict() for finding in report.findings],
         "cameras": [asdict(row) for row in report.cameras],
+        "refine": refine,
         "adjust": adjust,
     }
 
-    def show_warnings(console: Console) -> None:
-        for finding in (one for one in report.findings if one.severity != "note"):
-            print_finding(console, finding, own_line=True)
-
-    return Answer(document, partial(_print_check, found, adjust), show_warnings, status=0 if report.ok else 1)
+    show = partial(_print_check, found, refine, adjust)
+    warnings = [one for one in report.findings if one.severity != "note"]
+    return Answer(document, show, partial(print_findings, warnings), status=0 if report.ok else 1)
 
 
 def _refuse(context: typer.Context) -> None:
@@ -95,23 +96,26 @@ def _refuse(context: typer.Context) -> None:
             raise typer.BadParameter("requires DETECTIONS", param_hint=row.flag)
 
 
-def _given(context: typer.Context) -> Iterator[tuple[str, str]]:
-    """Yield the options for reading a recording that were given, in any way, to be given again."""
-    for row in (*options.CALIBRATION, *options.RECORDING):
-        value = context.params[row.name]
-        if value and source_of(context, row.name) != "DEFAULT":
-            for one in value if row.many else [value]:
-                yield row.flag, str(one)
+def _refined(files: Sequence[str], given: Sequence[tuple[str, str]], report: RigReport) -> str | None:
+    """Return the command that refines with the remedies of all findings, which replace what was given."""
+    fixes = [remedy_words(remedy) for one in report.findings for remedy in one.remedy]
+
+    def set_by(words: str) -> str:
+        return words.rpartition("=")[0] or words.partition(" ")[0]
+
+    before = [f"{flag} {shlex.quote(text)}" for flag, text in given if flag != "--person"]
+    kept = [words for words in before if set_by(words) not in {*map(set_by, fixes)}]
+    words = ("skelsplat refine", shlex.join(files), *kept, *dict.fromkeys(fixes), "-o out")
+    return " ".join(words) if fixes else None
 
 
-def _print_check(found: CameraCheck, adjust: str | None, console: Console) -> None:
+def _print_check(found: CameraCheck, refine: str | None, adjust: str | None, console: Console) -> None:
     report = found.report
     if report.cameras:
         print_table(console, _table_of_check(report))
         console.print(_CHECK_LEGEND, style="dim")
         console.print()
-    for finding in report.findings:
-        print_finding(console, finding, own_line=True)
+    print_findings(report.findings, console)
     if report.ok:
         cameras = f"{len(found.rig)} cameras, {found.rig.unit}"
         sentence = f"No fault found: {cameras}, {found.frames} frames of detections."
@@ -119,9 +123,10 @@ def _print_check(found: CameraCheck, adjust: str | None, console: Console) -> No
             sentence = f"No fault found in the file itself: {cameras}. Whether it fits a recording takes "
             sentence += "detections: skelsplat check-cameras CALIBRATION DETECTIONS."
         print_text(console, sentence)
+    if refine:
+        say("To refine with all of this corrected:", f"  {refine}")  # on one line, to be pasted
     if adjust:
-        say("To measure this, and correct what is sure in a new calibration file:")
-        say(f"  {adjust}")  # on one line, to be pasted
+        say("To measure this, and correct what is sure in a new calibration file:", f"  {adjust}")
 
 
 def _table_of_check(report: RigReport) -> Table:
@@ -186,14 +191,9 @@ def adjust_cameras(
         write_calibration(output, found.cameras, note=note, adjusted=True)
     cameras = [numbers_of(one, found.cameras.mm_per_unit) for one in found.adjustment.report]
 
-    def tell_all(_console: Console) -> None:
-        for finding in found.findings:
-            tell(finding)
-
     def show(console: Console) -> None:
         print_adjusted(console, cameras)
-        for finding in found.findings:
-            print_finding(console, finding, own_line=True)
+        print_findings(found.findings, console)
         _print_written(found, output)
 
     document = {
@@ -206,7 +206,7 @@ def adjust_cameras(
         "cameras": cameras,
         "offsets": found.session.offsets,
     }
-    return Answer(document, show, tell_all)
+    return Answer(document, show, partial(tell_all, found.findings))
 
 
 def _print_written(found: AdjustedCameras, output: Path) -> None:

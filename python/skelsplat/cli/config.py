@@ -7,7 +7,7 @@ for every command that has the option; those in a table with a command's name, s
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, get_args
@@ -24,6 +24,16 @@ _MOST_CHARACTERS = 40
 def source_of(context: typer.Context, name: str) -> str:
     """Return where a value is from: ``"COMMANDLINE"``, ``"DEFAULT_MAP"`` (a file) or ``"DEFAULT"``."""
     return getattr(context.get_parameter_source(name), "name", "DEFAULT")
+
+
+def given_again(context: typer.Context, rows: Iterable[Option]) -> list[tuple[str, str]]:
+    """Return the options among ``rows`` that were given, in any way, with their values, to be given again."""
+    return [
+        (row.flag, f"{one:.12g}" if isinstance(one, float) else str(one))
+        for row in rows
+        if context.params[row.name] and source_of(context, row.name) != "DEFAULT"
+        for one in (context.params[row.name] if row.many else [context.params[row.name]])
+    ]
 
 
 def _load(context: typer.Context, path: Path | None) -> None:

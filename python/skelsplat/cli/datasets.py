@@ -210,13 +210,7 @@ _SYNTH_OPTIONS = rows(
 
 @answers(*_SYNTH_OPTIONS)
 def synth(
-    *,
-    name: str,
-    folder: Path,
-    seed: int,
-    poses: int | None = None,
-    openpose: bool,
-    **of_people: int,
+    *, name: str, folder: Path, seed: int, poses: int | None = None, openpose: bool, **of_people: int
 ) -> Answer:
     """Write a simulated data set: known poses, simulated detections of two detectors.
 

@@ -96,6 +96,8 @@ def _parts(layout: sk.Layout) -> Iterator[tuple[str, Sequence[str]]]:
     yield "Joints, by index", [f"{k:>{digits}} {name}" for k, name in enumerate(layout.joints)]
     if layout.limbs:
         yield f"Limbs ({len(layout.limbs)})", [_ends(layout, limb) for limb in layout.limbs]
+    if layout.angles:
+        yield f"Joint angles ({len(layout.angles)})", [name for name, *_ in layout.angles]
     if layout.left_right:
         pairs = [_ends(layout, two) for two in layout.left_right]
         yield f"Left–right pairs ({len(pairs)})", pairs
@@ -117,4 +119,7 @@ def _document(layout: sk.Layout, about: sk.layouts.About) -> dict[str, Any]:
         **asdict(about),
         "symmetric": [{"tier": tier, "left": left, "right": right} for tier, left, right in layout.symmetric],
         "bones": [{"joints": ends, "length_mm": mm, "sigma_mm": sigma} for ends, mm, sigma in layout.lengths],
+        "angles": [
+            dict(zip(("name", "joints", "sign", "offset"), own, strict=True)) for own in layout.angles
+        ],
     }

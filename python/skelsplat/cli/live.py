@@ -40,7 +40,8 @@ OPTIONS = (
         Over time:
         --fps HZ  Frames per second, one line each, also where nothing is detected: the past then predicts.
             [every frame by itself]
-        --lag FRAMES  Answer so many frames later, from the frames before and after. Requires --fps. [= 0]
+        --lag FRAMES  Answer each line with the frame so many before, from the frames before and after it; the
+            first lines with {"waiting": 1}, …; the last frames at the end. Requires --fps. [= 0]
         --people all|N  Follow everybody, or at most N people, and find out who is who. Requires --fps.
             [one person]
         """,
@@ -107,7 +108,8 @@ def live(
         session = Session(rig, known, config, fps=fps, lag=lag, people=people)
         if not quiet:
             cameras = f"{len(rig)} cameras ({', '.join(rig.names)})"
-            say(f"ready: {cameras}, {known.n_joints} joints ({known.name}), in {rig.unit}", err=True)
+            later = f"; each line is answered with the frame {lag} before" if lag else ""
+            say(f"ready: {cameras}, {known.n_joints} joints ({known.name}), in {rig.unit}{later}", err=True)
         gc.freeze()  # what has been imported is not searched for garbage again, which takes 10 ms
         try:
             status = _serve(session, sys.stdin.buffer, sys.stdout.buffer)
@@ -128,10 +130,9 @@ def _serve(session: Session, source: BinaryIO, target: BinaryIO) -> int:
             except MalformedLineError as error:
                 say(f"line {number}: skipped: {error}", err=True)
                 answer = error.line(number)
-            if answer is not None:
-                target.write(answer)
-                target.flush()
-        target.write(session.rest() or b"")
+            target.write(answer)
+            target.flush()
+        target.write(session.rest())
         target.flush()
     except KeyboardInterrupt:
         return INTERRUPTED

@@ -124,8 +124,8 @@ JOB = rows(
         (.toml), or file: the joints as the detections name them. [found from the joint names in the files]
     * --person WHO  Person to follow. consistent: whom the views agree on. Or one of all, followed over time:
         N, from 0 in the order of appearance; largest; moves-most; CAMERA:X,Y, whoever is at that pixel when
-        the camera first sees a person. If the frame rate is unknown, N is entry N of each file, and largest
-        the largest in each image: not always the same person. [= consistent]
+        the camera first sees a person. entry:N: entry N of each file, from 0, not always the same person;
+        nor is largest if the frame rate is unknown. [= consistent]
     * --people all|N  Refine several people. Each has a folder, person_0, person_1, …: all of them, or the N
         whom the views see most. The frame rate must be known. [one person]
     --frames MODE  What to do if cameras have different frames. strict: stop (except for formats that list
@@ -167,12 +167,12 @@ JOB = rows(
         as they are and do not affect others. Requires --fps. [none]
     Output:
     * -o, --output FOLDER  Folder for the results. [required]
-    * --write FORMATS  Pose files, as csv,trc,glb. Of csv, trc, c3d, json, nc, bvh, glb, anipose.csv, npy;
-        pose.npz is always written. [= csv,trc]
+    * --write FORMATS  Pose files. Some of csv, trc, c3d, json, nc (xarray, movement), bvh, glb (animation),
+        anipose.csv, npy (FreeMoCap); pose.npz is always written. [= csv,trc]
     * --y-up  Write TRC and C3D with y up. OpenSim expects it; the calibration must have z up.
     --marker-names STYLE  Joint names in TRC and C3D files: skelsplat (right_hip), or pose2sim (RHip), for
         its OpenSim models. [= skelsplat]
-    * --angles  Write joint angles. angles.csv and angles.npz have error bars, angles.mot is for OpenSim.
+    * --angles  Write joint angles. angles.csv and .npz have error bars, .mot is for OpenSim; and strides.csv.
     --opensim  Write opensim/ for inverse kinematics: markers, their weights, and kinematics.py, which
         runs OpenSim.
     --no-html  Do not write report.html. It takes 5 MB or more.
@@ -209,8 +209,8 @@ CALIBRATION = tuple(row for row in JOB if row.panel == "Calibration")
 _JUDGED_BY = """
     Input:
     * --person WHO  By whom the cameras are judged. everybody: all on whom three views agree; consistent: only
-        the person on whom they agree best; largest: the largest in each image; N: entry N of each file,
-        from 0. [= everybody]
+        the person on whom they agree best; largest: the largest in each image; entry:N: entry N of
+        each file, from 0. [= everybody]
     """
 RECORDING = (
     *of_job("layout"),

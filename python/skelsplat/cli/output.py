@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import re
 import shlex
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextvars import ContextVar
 from typing import Any
 
@@ -94,21 +94,20 @@ def tell(finding: Finding, of: str = "") -> None:
         print_message(f"{finding.severity}: {of}{finding.text}{advice}", _pasted(finding))
 
 
-def print_finding(console: Console, finding: Finding, of: str = "", *, own_line: bool = False) -> None:
-    """Print a finding on stdout, after ``!`` unless it is a note, and ``of``.
-
-    With ``own_line`` all its options follow on a line of their own, to be pasted however long it is.
-    """
-    mark = "" if finding.severity == "note" else "! "
-    options = _lacking(finding)
-    command = "adjust-cameras" if any(one.setting == "move" for one in finding.remedy) else "refine"
-    end = f" Correct it in {command} with:" if own_line and options else _advice(options)
-    print_text(console, f"{mark}{of}{finding.text}{end}", _pasted(finding))
-    if own_line and options:
-        say(f"  {' '.join(options)}")
+def print_findings(findings: Iterable[Finding], console: Console, of: str = "") -> None:
+    """Print findings on stdout, after ``!`` unless they are notes, and ``of``."""
+    for finding in findings:
+        mark = "" if finding.severity == "note" else "! "
+        print_text(console, f"{mark}{of}{finding.text}{_advice(_lacking(finding))}", _pasted(finding))
 
 
-def _remedy_words(remedy: Remedy) -> str:
+def tell_all(findings: Iterable[Finding], _console: Console | None = None, of: str = "") -> None:
+    """Print findings on stderr as `tell` does."""
+    for finding in findings:
+        tell(finding, of)
+
+
+def remedy_words(remedy: Remedy) -> str:
     """Return a remedy as it is pasted into a shell: ``--without cam_03``."""
     flag = "--" + remedy.setting.replace("_", "-")
     return flag if remedy.value in (None, True) else f"{flag} {shlex.quote(str(remedy.value))}"
@@ -116,7 +115,7 @@ def _remedy_words(remedy: Remedy) -> str:
 
 def _lacking(finding: Finding) -> list[str]:
     """Return the remedies in words, unless the sentence has them."""
-    options = [_remedy_words(remedy) for remedy in finding.remedy]
+    options = [remedy_words(remedy) for remedy in finding.remedy]
     return [] if all(option in finding.text for option in options) else options
 
 
@@ -126,7 +125,7 @@ def _advice(options: Sequence[str]) -> str:
 
 def _pasted(finding: Finding) -> list[str]:
     """Return the options that are pasted from a finding's words."""
-    return [*map(_remedy_words, finding.remedy)]
+    return [*map(remedy_words, finding.remedy)]
 
 
 @contextlib.contextmanager

@@ -14,7 +14,7 @@ from skelsplat._words import px
 from skelsplat.cli import options
 from skelsplat.cli._app import FAILED
 from skelsplat.cli.command import takes
-from skelsplat.cli.output import Terminal, print_json, print_text, progress, quieter, tell
+from skelsplat.cli.output import Terminal, print_json, print_text, progress, quieter, tell, tell_all
 from skelsplat.cli.rows import AS_JSON, QUIET, rows
 from skelsplat.cli.table import print_files, print_people, print_run
 from skelsplat.findings import Finding, collected_warnings
@@ -62,18 +62,15 @@ def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> Run | PeopleRun:
             found: Run | PeopleRun = run(job, **given) if job.people is None else run_people(job, **given)
         errors = [finding for finding in found.findings if finding.severity == "error"]
         if as_json or quiet:
-            for finding in found.findings:
-                if finding not in (*printed, *errors):
-                    tell(finding)
+            tell_all(one for one in found.findings if one not in (*printed, *errors))
             for identity, person in found.people.items() if isinstance(found, PeopleRun) else ():
-                for finding in (one for one in person.findings if one.severity != "note"):
-                    tell(finding, f"person {identity}: ")
+                serious = (one for one in person.findings if one.severity != "note")
+                tell_all(serious, of=f"person {identity}: ")
         if as_json:
             print_json(found.report)
         elif not quiet:
             _print(found, Path(str(job.output)), printed)
-        for finding in errors:
-            tell(finding)
+        tell_all(errors)
     if errors:
         raise typer.Exit(FAILED)
     return found
@@ -170,7 +167,7 @@ def demo(
 def _recalibrated(job: Job) -> Job:
     """Return the job with cameras that are found from its detections, as without a calibration."""
     calibration, detections = Path(job.calibration), Path(job.detections)
-    found = calibrate_cameras(detections, calibration, layout=job.layout, person="0")
+    found = calibrate_cameras(detections, calibration, layout=job.layout, person="entry:0")
     path = calibration.with_name("Found.toml")
     write_calibration(path, found.found.cameras, note="skelsplat demo --no-calibration", adjusted=True)
     return replace(job, calibration=path, unit="mm", adjust_cameras=False)

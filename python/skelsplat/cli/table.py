@@ -17,7 +17,7 @@ from rich.text import Text
 
 from skelsplat._escape import escaped
 from skelsplat._words import listed, number
-from skelsplat.cli.output import print_finding
+from skelsplat.cli.output import print_findings
 from skelsplat.findings import Finding
 from skelsplat.run import PeopleRun, Run, tables
 from skelsplat.run.folder import left_of_earlier
@@ -166,8 +166,7 @@ def _print_note_and_warnings(console: Console, run: Run | PeopleRun, told: Colle
     ]
     print_paragraphs(console, [*risen, *filter(None, [run.report["note"]])])
     warnings = [one for one in run.findings if one.severity == "warning" and one not in told]
-    for finding in warnings:
-        print_finding(console, finding)
+    print_findings(warnings, console)
     if warnings:
         console.print()
 
@@ -225,7 +224,6 @@ def print_people(console: Console, run: PeopleRun, told: Collection[Finding] = (
     _print_note_and_warnings(console, run, told)
     for identity, person in run.people.items():
         own = [one for one in person.findings if one.severity != "note"]
-        for finding in own:
-            print_finding(console, finding, f"person {identity}: ")
+        print_findings(own, console, f"person {identity}: ")
         if own:
             console.print()

@@ -7,6 +7,7 @@ limbs              pairs of joints that are drawn connected, and whose distance 
 left_right         pairs (left, right) that are mirror images; by default those that their names say
 symmetric          tables ``tier``, ``left``, ``right``: limbs of equal length; by default the mirrored limbs
 bones              tables ``joints``, ``length_mm``, ``sigma_mm``: lengths of limbs that are known
+angles             by name, tables ``joints`` (three or four), ``sign``, ``offset``: joint angles
 occlusion_prone    joints
 root               joints whose mean is the root
 human              true: a person's body, with the built-in layouts' names of joints
@@ -35,7 +36,15 @@ _IN_A_LINE = 6
 _SIGMA, _MOST_SIGMA_MM = 0.1, 20.0
 
 _SIDES = {"l": "left", "r": "right", "left": "left", "right": "right"}
-_BEGINNING = r"^((?i:left|right)(?=[a-z])|[LR](?=[a-z]))"
+# Where a word begins with a side, or ends with one.
+_WITHIN = r"(?i:(?<=^left)|(?<=^right))(?=[A-Za-z])|(?<=^[LR])(?=[a-z])|(?<=[A-Za-z])(?=(?i:left|right)$)"
+# Legs by their initials: FL and LF are the left front one.
+_LEGS = {
+    code: f"{leg} {side}"
+    for leg in ("front", "hind", "back", "middle", "rear")
+    for side in "lr"
+    for code in (leg[0] + side, side + leg[0])
+}
 
 Pair = tuple[int, int]
 
@@ -53,7 +62,7 @@ class About:
 
 _WORDS = tuple(field.name for field in fields(About))
 _LISTS = ("limbs", "left_right", "occlusion_prone", "root")
-_KEYS = ("name", *_WORDS, "human", "joints", *_LISTS, "symmetric", "bones")
+_KEYS = ("name", *_WORDS, "human", "joints", *_LISTS, "symmetric", "bones", "angles")
 
 
 def about_of(document: Field) -> About:
@@ -69,6 +78,8 @@ def read_file(path: Path) -> tuple[Layout, About]:
         given["symmetric"] = [_symmetric(entry) for entry in document["symmetric"].entries()]
     bones = document["bones"].entries() if "bones" in document else []
     given["lengths"] = [bone for bone in map(_bone, bones) if bone is not None]
+    angles = document["angles"].members() if "angles" in document else {}
+    given["angles"] = [_angle(key, entry) for key, entry in angles.items()]
     name = document["name"].text() if "name" in document else path.stem
     joints, human = document["joints"].names(), document["human"].flag()
     try:
@@ -98,6 +109,13 @@ def _bone(entry: Field) -> tuple[list[Any], float, float] | None:
     return ends, length, min(_SIGMA * length, _MOST_SIGMA_MM) if sigma.is_missing else sigma.number()
 
 
+def _angle(name: str, entry: Field) -> tuple[str, list[str], float, float]:
+    """Return name, joints, sign and offset of a joint angle."""
+    entry.table(("joints", "sign", "offset"))
+    sign = entry["sign"].number() if "sign" in entry else 1.0
+    return name, entry["joints"].names(), sign, entry["offset"].number() if "offset" in entry else 0.0
+
+
 def from_names(name: str, joints: Sequence[str], limbs: Sequence[Sequence[Any]] = (), **given: Any) -> Layout:
     """Return a layout whose mirror images and symmetric limbs are those that the joints' names state.
 
@@ -113,8 +131,9 @@ def from_names(name: str, joints: Sequence[str], limbs: Sequence[Sequence[Any]] 
 def mirrored_names(joints: Sequence[str]) -> tuple[Pair, ...]:
     """Return the pairs (left, right) of joints whose names differ only in the side.
 
-    A side is a word or part of one: ``left_ear``, ``ear_l``, ``EarL``, ``Lear``, ``leftear``, in one joint
-    only once. A joint without exactly one counterpart is in no pair.
+    A side is a word or part of one: ``left_ear``, ``ear_l``, ``EarL``, ``Lear``, ``leftear``, ``hindright``,
+    ``FL`` and ``RH`` (front left, right hind), in one joint only once. A joint without exactly one
+    counterpart is in no pair.
     """
     sides = [_side(name) for name in joints]
     lone = {side: place for place, side in enumerate(sides) if side is not None and sides.count(side) == 1}
@@ -125,8 +144,9 @@ def mirrored_names(joints: Sequence[str]) -> tuple[Pair, ...]:
 def _side(name: str) -> tuple[str, ...] | None:
     """Return the side that a name states, and the rest of its words; None without a side, or with two."""
     words = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", name)
-    if not any(word.lower() in _SIDES for word in words):  # a word may begin with it: Lear, leftear
-        words = [part for word in words for part in re.sub(_BEGINNING, r"\1 ", word).split()]
+    if not any(word.lower() in _SIDES for word in words):
+        words = [_LEGS.get(word.lower(), re.sub(_WITHIN, " ", word)) for word in words]
+        words = " ".join(words).split()
     at = [k for k, word in enumerate(words) if word.lower() in _SIDES]
     if len(at) != 1 or len(words) == 1:
         return None
@@ -171,6 +191,10 @@ def to_toml(layout: Layout, about: About | None = None) -> str:
     ]
     for ends, length, sigma in layout.lengths:
         lines += ["", "[[bones]]", f"joints = {pair(ends)}", f"length_mm = {length}", f"sigma_mm = {sigma}"]
+    lines += ["", "[angles]"] if layout.angles else []
+    for called, joints, sign, offset in layout.angles:
+        own = f"joints = {pair(joints)}, sign = {sign:g}, offset = {offset}"
+        lines.append(f"{_quoted(called)} = {{ {own} }}")
     return "\n".join(lines) + "\n"
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._angles import angle_names, angles_of_joints
+from skelsplat._angles import Angle, angles_of_joints, known_angles, own_angles
 from skelsplat._arrays import Array
 from skelsplat._atomic import atomic_write, atomic_write_text
 from skelsplat.exceptions import InvalidInputError
@@ -30,8 +30,8 @@ _NEAR_AXIS = 0.75
 
 def check_angles(layout: sk.Layout) -> None:
     """Raise before the work if the layout has no angle."""
-    if not angle_names(layout.joints):
-        expected = "a layout with names such as left_hip, left_knee and left_ankle"
+    if not known_angles(layout.joints, own_angles(layout)):
+        expected = "a layout with angles, or with names such as left_hip, left_knee and left_ankle"
         raise InvalidInputError(f"angles: expected {expected}, got {layout.name}")
 
 
@@ -55,15 +55,17 @@ def vertical_of(rig: sk.CameraRig) -> Array | None:
     return world_up(rig) if known else None
 
 
-def angles_of_poses(poses: PoseData, up: Array | None, joints: tuple[str, ...] = ()) -> sk.JointAngles:
+def angles_of_poses(
+    poses: PoseData, up: Array | None, joints: Sequence[str], own: Sequence[Angle]
+) -> sk.JointAngles:
     """Return the angles of poses; ``joints`` are names that replace those of the poses."""
     bars = poses.error_bar if poses.error_bar.size else None
-    return angles_of_joints(poses.pose, joints or poses.joint_names, bars, up)
+    return angles_of_joints(poses.pose, joints, bars, up, own)
 
 
 def angles_of(run: Run) -> sk.JointAngles:
     """Return the angles of a run's poses as they are written."""
-    return angles_of_poses(run.poses, vertical_of(run.cameras), tuple(run.layout.joints))
+    return angles_of_poses(run.poses, vertical_of(run.cameras), run.layout.joints, own_angles(run.layout))
 
 
 def by_title(names: Sequence[str]) -> dict[str, list[tuple[str, int]]]:
@@ -80,7 +82,7 @@ def write_angles(run: Run, folder: Path, frame_rate: float) -> None:
     """Write `FILES`; ``frame_rate`` gives the times in ``angles.mot`` if the run has none."""
     poses, up = run.poses, vertical_of(run.cameras)
     angles = angles_of(run)
-    scatter = angles_of_joints(poses.pose, run.layout.joints, poses.uncertainty, up).sigma
+    scatter = sk.joint_angles(poses.pose, layout=run.layout, uncertainty=poses.uncertainty, up=up).sigma
     stamps = zip(poses.frames, times_of(poses.frames, poses.frames[0], poses.frame_rate), strict=True)
     atomic_write_text(folder / FILES[0], _csv(angles, scatter, stamps))
     with atomic_write(folder / FILES[1]) as stream:

@@ -38,7 +38,7 @@ COLUMNS = (
     *("recording", "status", "person", "frames", "frame_rate_hz", "median_error_px", "rejected_share"),
     *("errors", "warnings", "findings", "output", "error"),
 )
-_TOLD = ("camera_adjusted", "clocks_applied")  # notes that the table has
+_TOLD = ("camera_adjusted", "cameras_estimated", "clocks_applied")  # notes that the table has
 _NOT_AS_TEXT = ("output", "calibration", "detections", "init", "config")  # content counts, or nothing
 _PROGRAM = "from skelsplat.run.batch import _work; _work()"
 

@@ -26,7 +26,7 @@ from skelsplat.rig_check import ReadAs
 from skelsplat.run.adjusted import late, offset_of
 from skelsplat.run.cameras import warn_of_place
 from skelsplat.run.job import IncompleteJobError
-from skelsplat.run.person import are_people, pick_places
+from skelsplat.run.person import are_people, entry_of, pick_places
 from skelsplat.run.read import open_recording, rate_of, read_rig, videos_beside
 from skelsplat.run.session import different, padded
 from skelsplat.run.solve import evened, step_of
@@ -220,8 +220,8 @@ def calibrate_cameras(
     of `skelsplat.io.read_detections`, and ``fps``. A `DatasetError` or an `InvalidInputError` if files are
     malformed, or do not fit each other or the options.
     """
-    if person not in (None, "largest") and not str(person).isdecimal():
-        raise InvalidInputError(f"person: expected largest or a number, got {person!r}")
+    if person not in (None, "largest") and entry_of(person) is None:
+        raise InvalidInputError(f"person: expected largest or an entry such as entry:0, got {person!r}")
     with collected_warnings() as warnings:
         read = {name: value for name, value in (read or {}).items() if value is not None}
         _check_lenses(intrinsics, read, videos, same_focal)

@@ -246,7 +246,8 @@ def read_scene(opened: Opened, person: str) -> Scene:
 
 def warn_of_place(people: Array, person: str, otherwise: str = "") -> None:
     """Note that a person (of people (T, M, P, N, 3)) who is a place in the files need not be one."""
-    if person.isdecimal() and people.shape[2] > 1:
-        sentence = f"Person {person} is entry {person} of each file. The order of people in a file is "
-        sentence += f"arbitrary, so this need not be one person{otherwise}."
-        warn(Finding("person_by_place", "note", numbers={"person": person}, sentence=sentence))
+    entry = person.partition("entry:")[2]
+    if entry and people.shape[2] > 1:
+        sentence = f"Entry {entry} of each file need not be one person, as the order of people in a file is "
+        sentence += f"arbitrary{otherwise}."
+        warn(Finding("person_by_place", "note", numbers={"entry": int(entry)}, sentence=sentence))

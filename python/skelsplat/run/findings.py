@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from skelsplat import layouts
 from skelsplat._words import listed, percent
 from skelsplat.findings import Finding, Remedy, Severity, Subject
 from skelsplat.rig_check._check import find_swapped, same_detections
@@ -161,7 +162,15 @@ def _cameras(inputs: Inputs, statistics: Statistics, outcome: Outcome) -> Iterat
     yield from _find_unfit(names, unfit)
     yield from find_cameras(statistics, unfit_names, sides, followed=inputs.solved is not None)
     yield from find_displaced(names, shifts, [] if worst else rest, unfit_names)
-    yield from find_apart(inputs.rig, statistics, {*displaced, *unfit})
+    apart = [*find_apart(inputs.rig, statistics, {*displaced, *unfit})]
+    yield from apart
+    if (unfit or apart) and inputs.layout.name == layouts.MEDIAPIPE33.name:
+        words = (
+            "MediaPipe detects one person per image. If several are in view, it may follow another one in "
+        )
+        words += "each camera, so that cameras look wrong that are not: use a detector of several people, "
+        words += "such as rtmlib."
+        yield Finding("detector_of_one_person", "warning", sentence=words)
 
 
 def find_cameras(

@@ -47,6 +47,8 @@ from skelsplat.io.poses import (
 from skelsplat.io.run_folder import write_run_inputs
 from skelsplat.run.angles import FILES as ANGLE_FILES
 from skelsplat.run.angles import check_angles, vertical_of, world_up, write_angles
+from skelsplat.run.strides import FILE as STRIDES
+from skelsplat.run.strides import strides_of, write_strides
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -64,7 +66,7 @@ _PICTURES = ("overview.png", "weights.png")
 _POSSIBLE = (
     *(f"pose.{kind}" for kind in POSE_FORMATS),
     *(f"people.{kind}" for kind in PEOPLE_FORMATS),
-    *(*ANGLE_FILES, *OPENSIM_FILES, CAMERAS, DETECTIONS, LAYOUT, *_PICTURES, PAGE),
+    *(*ANGLE_FILES, STRIDES, *OPENSIM_FILES, CAMERAS, DETECTIONS, LAYOUT, *_PICTURES, PAGE),
 )
 # of other commands, perhaps the work of hours
 _OF_OTHERS = ("plots", "overlay")
@@ -77,7 +79,7 @@ _TIMED = [kind for kind, entry in POSE_FORMATS.items() if {"y_up", "up"} & set(e
 def _names(writing: Writing, run: Run) -> list[str]:
     """Return the names of the files, but for the report; pictures need the extra viz."""
     wanted = {*(f"pose.{kind}" for kind in writing.pose_formats), CAMERAS, DETECTIONS}
-    wanted |= set(ANGLE_FILES) if writing.angles else set()
+    wanted |= {*ANGLE_FILES, *([STRIDES] if strides_of(run) else [])} if writing.angles else set()
     wanted |= set(OPENSIM_FILES) if writing.opensim else set()
     wanted |= set() if layouts.is_built_in(run.layout) else {LAYOUT}
     if can_draw():
@@ -169,6 +171,7 @@ def write_folder(
     run = replace(run, findings=(*run.findings, *notes), report={**run.report, "findings": told})
     if writing.angles:
         write_angles(run, folder, _ASSUMED_FPS)
+        write_strides(run, folder)
     if writing.opensim:
         write_opensim(folder, run.poses, world_up(run.cameras), rate or _ASSUMED_FPS)
     write_run_inputs(folder, run.cameras, run.layout, whole.detections, frames, rate, name)

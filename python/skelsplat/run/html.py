@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from skelsplat.viz.report._html import Sentence
 
 _ANGLES = (
-    "The bands of joint angles are error bars, one standard deviation. All are 0 in upright standing with "
-    "the arms hanging; the guide on joint angles has their definitions."
+    "The bands of joint angles are error bars, one standard deviation. All but those of the layout itself "
+    "are 0 in upright standing with the arms hanging; the guide on joint angles has their definitions."
 )
 _BIASED = (
     "Error bar: one standard deviation per axis against an anatomical joint: the scatter between recordings "

@@ -39,7 +39,8 @@ class Writing:
     y_up: bool = False
     #: and call the joints in them as one of `skelsplat.io.poses.MARKER_NAMES`.
     marker_names: str = MARKER_NAMES[0]
-    #: Write the joint angles as well, `skelsplat.joint_angles`: ``angles.csv``, ``.npz`` and ``.mot``.
+    #: Write the joint angles as well, `skelsplat.joint_angles`: ``angles.csv``, ``.npz`` and ``.mot``; of a
+    #: person who walks also ``strides.csv``.
     angles: bool = False
     #: Write what OpenSim needs for inverse kinematics into ``opensim``, `skelsplat.io.poses.OPENSIM_FILES`.
     opensim: bool = False
@@ -77,8 +78,8 @@ class Job(Writing):
     #: ``"consistent"``: the person the views agree on. The others follow people over time, as
     #: `skelsplat.track`, and choose one: a number from 0, the identity; ``"largest"``: whoever is largest in
     #: the images; ``"moves-most"``; a point ``"cam01:640,360"``: whoever is there in the first frame in which
-    #: that camera sees somebody. Without a frame rate, a number is the place in each file and ``"largest"``
-    #: the largest in each image, which need not be one person.
+    #: that camera sees somebody. These need a frame rate, without which ``"largest"`` is the largest in each
+    #: image; ``"entry:0"`` is the first in each file. Both need not be one person.
     person: str | int = "consistent"
     #: For `run_people`: ``"all"``, or a number: those whom the views see most. None: one person.
     people: str | int | None = None

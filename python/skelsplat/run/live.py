@@ -39,8 +39,8 @@ class MalformedLineError(Exception):
 class Session:
     """A refiner over lines; with ``people``, "all" or so many at most, at ``fps``, a tracker.
 
-    With a lag the first lines have no answer, and a line that resets the session first has those of the
-    frames that wait.
+    With a lag, a line that is not yet answered has ``{"waiting": frames}``, and one that resets the session
+    first has the answers of the frames that wait.
     """
 
     def __init__(
@@ -66,8 +66,8 @@ class Session:
             most = None if people == "all" else int(people)
             self._tracker = sk.Tracker(rig, layout=layout, fps=fps, max_people=most, config=config)
 
-    def answer(self, text: bytes) -> bytes | None:
-        """Return the lines that the session owes after the line ``text``: usually one, None for none.
+    def answer(self, text: bytes) -> bytes:
+        """Return the lines that the session owes after the line ``text``: one, or more where it resets.
 
         A `MalformedLineError` if the line is malformed: it is counted as skipped and changes nothing.
         """
@@ -85,7 +85,7 @@ class Session:
             frame = error.frame if isinstance(error, MalformedLineError) and name is None else name
             raise MalformedLineError(str(error), frame) from error
 
-    def rest(self) -> bytes | None:
+    def rest(self) -> bytes:
         """Return the lines of the frames that wait for later ones, at the end of the input."""
         lines = []
         missing = np.full((len(self._cameras), self._joints, 2), np.nan)
@@ -95,7 +95,7 @@ class Session:
         while self._waiting:
             begin = time.perf_counter()
             lines.append(self._next(self._refiner.step(missing), begin))
-        return b"".join(lines) or None
+        return b"".join(lines)
 
     def summary(self) -> str:
         """Return how many lines were solved and malformed, how fast, and percentiles of the latest."""
@@ -107,15 +107,15 @@ class Session:
         latency = f"latency in ms: median {median:.3f}, 99% {most:.3f}, longest {longest:.3f}"
         return f"{lines}; {rate:.0f} per second; {latency}"
 
-    def _of_one(self, name: Any, detections: Array, reset: bool, begin: float) -> bytes | None:
-        before = None
+    def _of_one(self, name: Any, detections: Array, reset: bool, begin: float) -> bytes:
+        before = b""
         if reset:
             before = self.rest()
             self._refiner.reset()
         result = self._refiner.step(detections)
         self._waiting.append(name)
-        own = self._next(result, begin) if len(self._waiting) > self._lag else None
-        return b"".join(filter(None, [before, own])) or None
+        waiting = len(self._waiting)
+        return before + (self._next(result, begin) if waiting > self._lag else b'{"waiting": %d}\n' % waiting)
 
     def _next(self, result: sk.Refinement, begin: float) -> bytes:
         return self._line({"frame": self._waiting.popleft(), **_person(result)}, begin)

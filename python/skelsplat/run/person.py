@@ -30,17 +30,25 @@ OFTEN = 0.25
 
 def check_person(person: str | int) -> None:
     """Raise `InvalidInputError` unless it is a choice of `skelsplat.run.Job`."""
-    named = str(person) in (*BY_FRAME, MOVES_MOST)
-    if not named and not str(person).isdecimal() and point_of(person) is None:
-        expected = f"{', '.join(BY_FRAME)}, {MOVES_MOST}, a number or a point such as cam01:640,360"
+    named = str(person) in (*BY_FRAME, MOVES_MOST) or str(person).isdecimal()
+    if not named and entry_of(person) is None and point_of(person) is None:
+        choices = f"{', '.join(BY_FRAME)}, {MOVES_MOST}, a number"
+        expected = f"{choices}, a point such as cam01:640,360, or an entry of each file such as entry:0"
         raise sk.InvalidInputError(f"person: expected {expected}, got {person!r}")
 
 
 def check_slot(person: str) -> None:
     """Raise `InvalidInputError` unless it is everybody, or a choice that each frame allows by itself."""
     choices = (EVERYBODY, *BY_FRAME)
-    if person not in choices and not person.isdecimal():
-        raise sk.InvalidInputError(f"person: expected {', '.join(choices)} or a number, got {person!r}")
+    if person not in choices and entry_of(person) is None:
+        expected = f"{', '.join(choices)} or an entry of each file such as entry:0"
+        raise sk.InvalidInputError(f"person: expected {expected}, got {person!r}")
+
+
+def entry_of(person: str | int) -> int | None:
+    """Return the place in each file of a choice such as ``entry:0``; None if it is another one."""
+    found = re.fullmatch(r"entry:(\d+)", str(person).strip())
+    return None if found is None else int(found[1])
 
 
 def point_of(person: str | int) -> tuple[str, float, float] | None:
@@ -50,7 +58,7 @@ def point_of(person: str | int) -> tuple[str, float, float] | None:
 
 
 def pick_places(people: Array, person: str, found: Index) -> tuple[Index, Mask]:
-    """Choose one of the people (T, M, P, N, 3) in each view, by "consistent", "largest" or a place in P.
+    """Choose one of the people (T, M, P, N, 3) in each view, by "consistent", "largest" or ``entry:N``.
 
     ``found`` (Q, T, M) are the places of everybody, the one whom the views agree on first. Returns the places
     (T, M), -1 for none, and the views without a match (T, M): people are detected there and in another view,
@@ -61,10 +69,11 @@ def pick_places(people: Array, person: str, found: Index) -> tuple[Index, Mask]:
         return found[0], without_match(people, found[0])
     if person == "largest":
         return association.extents(people).argmax(axis=2), never
-    if int(person) >= people.shape[2]:
+    entry = int(person.removeprefix("entry:"))
+    if entry >= people.shape[2]:
         expected = f"less than {people.shape[2]} (no file has more people)"
         raise sk.InvalidInputError(f"person: expected {expected}, got {person}")
-    return np.full(people.shape[:2], int(person), dtype=np.int64), never
+    return np.full(people.shape[:2], entry, dtype=np.int64), never
 
 
 def without_match(people: Array, index: Index) -> Mask:

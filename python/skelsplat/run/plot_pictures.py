@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skelsplat import viz
-from skelsplat._angles import angle_names
+from skelsplat._angles import JointAngles, known_angles
 from skelsplat._arrays import Array, median, medians
 from skelsplat.io import PoseData
 from skelsplat.run.angles import angles_of_poses, by_title
@@ -29,7 +29,7 @@ _PALE = " Pale: an end is weak, inferred or filled; not counted, perhaps outside
 _EQUAL = "The refinement kept {which} nearly equal on both sides (unless with symmetry_tier 0)."
 _IN_TIME = "Solved over time, where bones keep their length: how they vary frame by frame is in report.html."
 _KEPT_EQUAL = {1: "lower arms and legs", 2: "arms and legs", 3: "arms, legs and trunk"}  # by the tier
-_ANGLE_BANDS = "Bands: error bars of 1 and 2 σ. All angles are 0 in upright standing."
+_ANGLE_BANDS = "Bands: error bars of 1 and 2 σ. All angles are 0 in upright standing{but}."
 _NO_VERTICAL = "The vertical is not known: angles of trunk and pelvis are left out."
 _NO_BARS = "; no error bands, the file has no error bars"
 _COUNTED = "All detections used are counted, including the rejected ones. Grey: no detection used."
@@ -109,25 +109,36 @@ def errors(source: Source) -> Picture:
 
 
 def angles(source: Source) -> Picture:
-    """Draw all joint angles over time."""
-    poses = source.poses
-    if not angle_names(source.named, leaning=source.up is not None):
+    """Draw the joint angles over time, all or those at the chosen joints."""
+    poses, chosen = source.poses, {source.named[joint] for joint in source.joints}
+    known = known_angles(source.named, source.angles, leaning=source.up is not None)
+    if not known:
         return [], "the joints match no layout that has any (name the layout)", None
-    found = angles_of_poses(poses, source.up, source.named)
+    names = [angle.name for angle in known if not source.chosen or angle.at & chosen]
+    if not names:
+        return [], f"no angle at {', '.join(sorted(chosen))}", None
+    found = angles_of_poses(poses, source.up, source.named, source.angles)
+    places = [found.names.index(name) for name in names]
+    found = JointAngles(tuple(names), found.degrees[:, places], found.sigma[:, places])
     panels = []
-    for title, sides in by_title(found.names).items():
+    for title, sides in by_title(names).items():
         curves = [viz.Curve(found.degrees[:, k], side, sigma=found.sigma[:, k]) for side, k in sides]
         panels.append(viz.CurvePanel(title, "degrees", curves))
     with_bars = bool(np.isfinite(found.sigma).any())
-    notes = [_ANGLE_BANDS] if with_bars else []
+    but = ", but for the layout's own" if source.angles else ""
+    notes = [_ANGLE_BANDS.format(but=but)] if with_bars else []
     notes += [_NO_VERTICAL] if source.up is None else []
     numbers = []
     for name, degrees, sigma in zip(found.names, found.degrees.T, found.sigma.T, strict=True):
-        known = int(np.isfinite(degrees).sum())
+        count = int(np.isfinite(degrees).sum())
         medians_of = {"median_degrees": median(degrees), "sigma_median_degrees": median(sigma)}
-        numbers.append({"angle": name, **medians_of, "frames_known": known})
+        numbers.append({"angle": name, **medians_of, "frames_known": count})
     pages = viz.draw_curves(panels, _time(source), title=source.title, notes=[*notes, *poses.processing])
-    return pages, f"{len(numbers)} joint angles over time{'' if with_bars else _NO_BARS}.", numbers
+    return (
+        pages,
+        f"{len(numbers)} joint angle{'s' * (len(numbers) != 1)} over time{'' if with_bars else _NO_BARS}.",
+        numbers,
+    )
 
 
 DRAW: dict[str, Callable[[Source], Picture]] = {

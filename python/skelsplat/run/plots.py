@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._angles import Angle, own_angles
 from skelsplat._arrays import Array
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -40,6 +41,8 @@ class Source:
     symmetry_tier: int | None  # which limbs the run kept equal left and right; None if it is not known
     named: tuple[str, ...]  # what the layout calls the joints
     up: Array | None  # the axis of the world that is vertical (3,); None if it is not known
+    angles: tuple[Angle, ...]  # the layout's own
+    chosen: bool  # joints were chosen: of angles, those at these joints are drawn
 
     @property
     def title(self) -> str:
@@ -87,7 +90,10 @@ def read_source(
     called = names if known is None or set(known.joints) <= set(names) else tuple(known.joints)
     called += names[len(called) :]  # of markers that are no joints
     poses = replace(poses, **arrays).in_unit("mm")
-    return Source(path, poses, limbs, left_right, _chosen_joints(joints, names), zero, tier, called, up)
+    own = () if known is None else own_angles(known)
+    drawn = _chosen_joints(joints, names)
+    some = joints is not None and len(drawn) < len(names)
+    return Source(path, poses, limbs, left_right, drawn, zero, tier, called, up, own, some)
 
 
 def _known_layout(joints: tuple[str, ...]) -> sk.Layout | None:

@@ -20,7 +20,7 @@ from skelsplat.io.detections import camera_called
 from skelsplat.run.cameras import read_adjusted
 from skelsplat.run.job import Job
 from skelsplat.run.people import find_doubts, find_left_out
-from skelsplat.run.person import MOVES_MOST, count_people, look_around, pick_places, point_of
+from skelsplat.run.person import MOVES_MOST, count_people, entry_of, look_around, pick_places, point_of
 from skelsplat.run.read import Inputs, Opened
 from skelsplat.run.solve import Progress, even_clock, is_sparse, silent, spread
 
@@ -47,13 +47,14 @@ class Everybody:
 def read_inputs(opened: Opened, job: Job, progress: Progress, check: Callable[[Inputs], None]) -> Inputs:
     """Read the detections and follow one person through them.
 
-    A number, and the largest, is an identity where the frame rate is known; otherwise each file's own.
+    The largest is an identity where the frame rate is known; otherwise the largest in each image.
     ``check`` is called as soon as the frames of the result are known, before the person if possible.
     """
     people, whole = read_adjusted(opened, job)
     person = str(job.person)
-    by_place, alone = person == "largest" or person.isdecimal(), people.shape[2] == 1
-    if person != "consistent" and not (by_place and (alone or whole.fps is None)):
+    entry, alone = entry_of(person), people.shape[2] == 1
+    by_place = entry is not None or (person == "largest" and whole.fps is None)
+    if person != "consistent" and not (by_place or (alone and (person == "largest" or person.isdecimal()))):
         found = choose(follow_everybody(people, whole, job, progress), person)
         check(found)
         return found
@@ -61,9 +62,10 @@ def read_inputs(opened: Opened, job: Job, progress: Progress, check: Callable[[I
     everybody = association.separate_people(people, whole.rig, layout=whole.layout, fps=whole.fps)
     index, unmatched = pick_places(people, person, everybody)
     if by_place and not alone:
-        which = "the largest in each image" if person == "largest" else f"entry {person} of each file"
-        words = f"Person {person} is {which}, as the frame rate is unknown. This need not be one person; "
-        words += "with the frame rate it is, and so is the person the views agree on (consistent)."
+        which = "The largest in each image, as the frame rate is unknown,"
+        which = which if entry is None else f"Entry {entry} of each file"
+        words = f"{which} need not be one person; the person the views agree on (consistent) is, and with "
+        words += "the frame rate so is everyone who is followed."
         remedies = (Remedy("fps", None), Remedy("person", "consistent"))
         warn(Finding("person_by_place", "warning", remedy=remedies, sentence=words))
     crowd = look_around((everybody >= 0).sum(axis=2))
@@ -128,7 +130,9 @@ def _check_times(whole: Inputs, job: Job) -> None:
     why = f"people={job.people}" if job.people is not None else f"person={job.person}"
     if whole.fps is None:
         expected = f"the frame rate, which following people over time needs ({why})"
-        raise InvalidInputError(f"fps: expected {expected}, got none: neither the files nor videos state it")
+        got = "none: neither the files nor videos state it"
+        got += "; entry:N takes an entry of each file" if str(job.person).isdecimal() else ""
+        raise InvalidInputError(f"fps: expected {expected}, got {got}")
     if is_sparse(whole):
         expected = f"most frames, to follow people over time ({why})"
         got = f"{len(whole.frames)} from {whole.frames[0]} to {whole.frames[-1]}"

@@ -106,6 +106,7 @@ pub(super) fn spec(name: &str) -> Option<LayoutSpec> {
         occlusion_prone: occlusion_prone.collect(),
         root: root(&joints),
         lengths: Vec::new(),
+        angles: Vec::new(),
         human: true,
         symmetric,
         joints,

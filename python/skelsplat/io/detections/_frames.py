@@ -15,12 +15,15 @@ from skelsplat._arrays import Index
 from skelsplat._clocks import parted, rounded
 from skelsplat._fields import FRAME_LIMIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.findings import Finding, Subject, warn
 from skelsplat.io._files import frame_number, natural
 from skelsplat.io.detections._format import View
 from skelsplat.io.detections._match import camera_called
 
 FrameMode = Literal["strict", "intersection", "union"]
 FRAME_MODES = ("strict", "intersection", "union")
+_FEW = 0.1  # of the frames: where more are missing, the numbers are not those of a whole recording
+_NAMED = 3  # spans of missing frames that a message names
 _SET_ASIDE = "del_"  # before the name of a file that Pose2Sim's synchronisation cut off
 _LAST = re.compile(r"\d+(?=\D*$)")  # the last integer in a name
 _OTHER_MODES = '; frames="intersection" reads those that all have, frames="union" every frame'
@@ -81,7 +84,32 @@ def shared_frames(
         shared = shared[:0] if alone else union
     if mode != "union" and not len(shared):
         raise DatasetError(root, "frames", f"frames that all {kind}s have{after}", _told(common))
+    _warn_of_gaps({labels[name]: view.frames for name, view in views.items() if not view.sparse})
     return union if mode == "union" else shared
+
+
+def _warn_of_gaps(frames: Mapping[str, Index]) -> None:
+    """Warn of frames that some lack here and there within a recording of which they have most."""
+    missing = dict[str, list[int]]()
+    union = _joined(np.union1d, frames) if frames else np.empty(0, dtype=np.int64)
+    for label, own in frames.items():
+        gaps = np.setdiff1d(union[(union > own[0]) & (union < own[-1])], own) if len(own) else own
+        if 0 < len(gaps) <= _FEW * len(own):
+            missing[label] = gaps.tolist()
+    if missing:
+        each = ", ".join(f"{_numbers(numbers)} in {label}" for label, numbers in missing.items())
+        subject = Subject(frames=tuple(sorted({frame for own in missing.values() for frame in own})))
+        words = f"Frames without detections in the files: {each}."
+        warn(Finding("frames_missing", "warning", subject, {"missing": missing}, sentence=words))
+
+
+def _numbers(frames: Sequence[int]) -> str:
+    """Return "3, 7 to 9", or of many the first and how many more."""
+    starts = [k for k, frame in enumerate(frames) if not k or frame != frames[k - 1] + 1]
+    spans = [(frames[a], frames[b - 1]) for a, b in pairwise([*starts, len(frames)])]
+    words = [str(a) if a == b else f"{a} to {b}" for a, b in spans[:_NAMED]]
+    more = sum(b - a + 1 for a, b in spans[_NAMED:])
+    return ", ".join(words) + (f" and {more} more" if more else "")
 
 
 def _alike(several: Sequence[Index]) -> bool:
@@ -105,9 +133,10 @@ def _told(frames: Mapping[str, Index]) -> str:
     """Say how many frames each has, and which is the first that one lacks."""
     counts = [f"{len(own)} in {name}" for name, own in frames.items()]
     spans = [f" ({own[0]} to {own[-1]})" if len(own) else "" for own in frames.values()]
-    first = np.setdiff1d(_joined(np.union1d, frames), _joined(np.intersect1d, frames))[0]
-    without = ", ".join(name for name, own in frames.items() if first not in own)
-    return f"{', '.join(map(str.__add__, counts, spans))}; no frame {first} in {without}"
+    union = _joined(np.union1d, frames)
+    lacking = {name: np.setdiff1d(union, own).tolist() for name, own in frames.items()}
+    missing = [f"no frame {_numbers(numbers)} in {name}" for name, numbers in lacking.items() if numbers]
+    return f"{', '.join(map(str.__add__, counts, spans))}; {', '.join(missing)}"
 
 
 def frame_files(folder: Path, pattern: str, expected: str, advice: str = "") -> dict[int, Path]:
