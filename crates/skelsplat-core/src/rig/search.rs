@@ -180,8 +180,8 @@ impl Scope<'_> {
         Ok(Vec::new())
     }
 
-    /// How far off each uncorrected camera may be if the others are right. Also the place that is in
-    /// doubt, or still wrong where no more places may be corrected, with its rivals.
+    /// How far off each uncorrected camera may be if the others are right. Also the place that is
+    /// in doubt, or still wrong where no more places may be corrected, with its rivals.
     fn left(&self, rig: &Explanation, progress: &Progress) -> Result<(Vec<Bars>, Vec<Supposed>)> {
         let m = rig.cameras.len();
         let full = !self.may_place(rig);
