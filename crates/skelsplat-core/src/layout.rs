@@ -49,7 +49,7 @@ pub struct LayoutSpec {
     /// Lengths of limbs that are known; `bone_lengths_mm` of a configuration replaces them.
     pub lengths: Vec<KnownLength>,
     /// Whether this is a person's body, with the joint names of the built-in layouts: its bones
-    /// have the population's proportions, and its joints the published errors.
+    /// have the population's proportions, and its joints the usual errors of detectors.
     pub human: bool,
 }
 

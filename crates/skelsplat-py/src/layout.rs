@@ -30,7 +30,7 @@ use crate::errors::{Failure, Result, in_words};
 ///     the configuration replaces.
 /// human : bool
 ///     This is a person's body, whose joints are named as in the built-in layouts: bones with known
-///     ends have the proportions of the population, and joints the published errors of detectors.
+///     ends have the proportions of the population, and joints the usual errors of detectors.
 ///
 /// Raises
 /// ------
@@ -229,7 +229,7 @@ impl Layout {
         PyTuple::new(py, known.map(|l| (ends(l), l.mean_mm, l.sigma_mm)))
     }
 
-    /// Whether this is a person's body, with the population's bones and the published errors.
+    /// Whether this is a person's body, with the population's bones and the usual errors of detectors.
     #[getter]
     fn human(&self) -> bool {
         self.0.human
