@@ -270,8 +270,8 @@ class RefineConfig:
         estimated in every frame.
     joint_bias_mm : float or sequence of float, or None, mm, default None
         Standard deviation per axis of the detector's joints from anatomical ones, the same in all views and
-        frames, for all joints or N values; part of the error bar, not of the scatter; None: published figures
-        for human layouts, 0 for others.
+        frames, for all joints or N values; part of the error bar, not of the scatter; None: figures from
+        motion capture for human layouts, 0 for others.
     undistort : bool, default True
         Remove lens distortion from the detections first; False reproduces results published without
         undistortion.
