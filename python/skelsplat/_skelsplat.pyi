@@ -205,7 +205,7 @@ class Layout:
         """Triples ((joint, joint), length in mm, sigma in mm) of the limbs whose length is known."""
     @property
     def human(self) -> bool:
-        """Whether this is a person's body, with the population's bones and the usual errors of detectors."""
+        """Whether this is a person's body, with the population's bones and usual errors of detectors."""
     def symmetric_pairs(self, tier: int) -> tuple[tuple[tuple[int, int], tuple[int, int]], ...]:
         """Return the pairs ((l1, l2), (r1, r2)) of symmetric limbs up to ``tier``."""
     def __eq__(self, other: object, /) -> bool: ...

@@ -13,9 +13,9 @@ CEILINGS = {
     "cli": 3_402,
     "core": 19_261,
     "binding": 2_712,
-    "Rust tests": 6_242,
+    "Rust tests": 6_245,
     "Python tests": 26_891,
-    "benchmarks and tools": 4_389,
+    "benchmarks and tools": 4_511,
     "docs, words": 42_000,
     "README, words": 1_420,
 }

@@ -229,7 +229,7 @@ impl Layout {
         PyTuple::new(py, known.map(|l| (ends(l), l.mean_mm, l.sigma_mm)))
     }
 
-    /// Whether this is a person's body, with the population's bones and the usual errors of detectors.
+    /// Whether this is a person's body, with the population's bones and usual errors of detectors.
     #[getter]
     fn human(&self) -> bool {
         self.0.human
