@@ -55,8 +55,9 @@ def _take(path: Path) -> Take:
     subject, activity = (_text(content[key]) for key in ("subject", "sequence"))
     names = _names(content["camera_names"])
     detected, frames = content["det2d"], frames_in(content)
-    pixels = detected.array_of("frames", len(names), 1, len(_names(content["det_joints"])), 3)[:, :, 0]
-    points = content["gt3d"].array_of(len(frames), 1, len(_names(content["gt_joints"])), 3)[:, 0]
+    t, j, g = len(frames), len(_names(content["det_joints"])), len(_names(content["gt_joints"]))
+    pixels = detected.array_of(t, len(names), 1, j, 3)[:, :, 0]
+    points = content["gt3d"].array_of(t, 1, g, 3)[:, 0]
     seen = np.full((len(frames), len(names), H36M17.n_joints, 3), np.nan)
     truth = np.full((len(frames), H36M17.n_joints, 3), np.nan)
     for own, true in _pairs(content["pairs"], pixels, points):
