@@ -10,9 +10,13 @@ from __future__ import annotations
 import lab
 from measures.bars import angles, coverage, coverage_real, gaussian
 from measures.errors import bones, swaps, table
+from measures.human36m import bias, coverage_human36m
 from measures.operating_room import mvor, mvor_people
 
-MEASURES = (table, bones, swaps, gaussian, coverage, coverage_real, angles, mvor, mvor_people)
+MEASURES = (
+    *(table, bones, swaps, gaussian, coverage, coverage_real, angles, mvor, mvor_people),
+    *(coverage_human36m, bias),
+)
 
 if __name__ == "__main__":
     lab.main(__doc__, *MEASURES)

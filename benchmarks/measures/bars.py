@@ -12,6 +12,7 @@ from recordings import Take
 from scenarios import NOISES, POSES, Fields, FloatArray, covered, mvor, scene
 
 import skelsplat as sk
+from skelsplat.evaluation.scores import offsets
 
 # Share of a Gaussian in three dimensions within 1, 2 and 3 standard deviations, in percent.
 IDEAL = np.array([19.9, 73.9, 97.1])
@@ -78,7 +79,7 @@ def coverage_real(
     }
     for name, truth in parts.items():
         rows[f"MVOR, {name}"] = _both(result, truth, LABEL_SIGMA_MM)
-        moved = truth + _offsets(result.pose, truth)
+        moved = truth + offsets(result.pose - truth)
         rows[f"MVOR, {name}, offsets out"] = _both(result, moved, LABEL_SIGMA_MM)
     notes = [
         f"ideal 19.9, 73.9, 97.1; labels of MVOR: {LABEL_SIGMA_MM:g} mm per axis, added to the covariances",
@@ -87,13 +88,6 @@ def coverage_real(
         about(poses=poses, seed=seed, source=real.source),
     ]
     return Table.of("Coverage of scatter and error bar, %", "", rows, notes)
-
-
-def _offsets(pose: FloatArray, truth: FloatArray) -> FloatArray:
-    """Mean error of every joint, (N, 3); 0 for one that is never judged."""
-    error = pose - truth
-    known = np.isfinite(error).all(axis=-1, keepdims=True)
-    return np.where(known, error, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
 
 
 def _both(result: sk.Refinement, truth: FloatArray, label_sigma_mm: float) -> dict[str, float | None]:

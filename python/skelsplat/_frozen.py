@@ -23,7 +23,8 @@ def frozen(detections: Array) -> Mask:
     if count <= _REPEATS or views < 2:
         return out
     flat = detections.reshape(count, views, -1)
-    there: Mask = np.asarray(np.isfinite(flat).any(axis=2))
+    pixels = detections[..., :2].reshape(count, views, -1)  # a confidence of 0 is no image
+    there: Mask = np.asarray(np.isfinite(pixels).any(axis=2))
     both = there[1:] & there[:-1]
     same = both & ((flat[1:] == flat[:-1]) | (np.isnan(flat[1:]) & np.isnan(flat[:-1]))).all(axis=2)
     new = both & ~same

@@ -155,7 +155,7 @@ class Layout:
         0 to 180; four: that between a→b and c→d.
     human : bool
         This is a person's body, whose joints are named as in the built-in layouts: bones with known
-        ends have the proportions of the population, and joints the published errors of detectors.
+        ends have the proportions of the population, and joints the usual errors of detectors.
 
     Raises
     ------
@@ -214,7 +214,7 @@ class Layout:
         """Quadruples (name, joints, sign, offset in degrees) of the layout's own joint angles."""
     @property
     def human(self) -> bool:
-        """Whether this is a person's body, with the population's bones and the published errors."""
+        """Whether this is a person's body, with the population's bones and usual errors of detectors."""
     def symmetric_pairs(self, tier: int) -> tuple[tuple[tuple[int, int], tuple[int, int]], ...]:
         """Return the pairs ((l1, l2), (r1, r2)) of symmetric limbs up to ``tier``."""
     def __eq__(self, other: object, /) -> bool: ...
@@ -279,8 +279,8 @@ class RefineConfig:
         estimated in every frame.
     joint_bias_mm : float or sequence of float, or None, mm, default None
         Standard deviation per axis of the detector's joints from anatomical ones, the same in all views and
-        frames, for all joints or N values; part of the error bar, not of the scatter; None: published figures
-        for human layouts, 0 for others.
+        frames, for all joints or N values; part of the error bar, not of the scatter; None: figures from
+        motion capture for human layouts, 0 for others.
     undistort : bool, default True
         Remove lens distortion from the detections first; False reproduces results published without
         undistortion.

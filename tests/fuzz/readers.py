@@ -142,6 +142,7 @@ SAMPLES: dict[str, Callable[[Path], Reader]] = {
     "run": _run,
     "data authors": _data("human36m", _human36m("skelsplat")),
     "data videopose3d": _data("human36m", _human36m("videopose3d")),
+    "data hourglass": _data("human36m-hourglass", _human36m("hourglass")),
     "data panoptic": _data("panoptic", lambda root: panoptic.write(root, n_frames=2)),
     "data person": _data("occlusion-person", lambda root: occlusion_person.write(root, per_scene=2)),
     "data shelf": _data("shelf", lambda root: shelf_campus.write(root, "shelf", n_frames=302)),

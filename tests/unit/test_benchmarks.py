@@ -20,6 +20,7 @@ import recordings
 from skelsplat import metrics, synthetic
 from skelsplat.evaluation.baselines import affinity
 from skelsplat.evaluation.tables import Table
+from writers import human36m
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 MEASURES = {measure.__name__: measure for measure in accuracy.MEASURES}
@@ -54,6 +55,14 @@ def measured(name: str, **options: Any) -> dict[str, dict[str, Any]]:
 @pytest.mark.parametrize("name", ["angles", "table", "bones", "coverage", "gaussian", "swaps"])
 def test_every_measure_gives_a_table(name: str) -> None:
     assert measured(name, poses=FEW, fast=True)
+
+
+def test_error_bars_on_human36m_are_measured(tmp_path: Path) -> None:
+    human36m.write_hourglass(tmp_path, human36m.record())
+    found = measured("coverage_human36m", folder=tmp_path, every=2)
+    for how in ("frame by frame", "over time"):
+        assert found[f"{how}, both"]["mean mm"] < 20.0
+        assert found[f"{how}, both"]["bar 3 σ"] == 100.0
 
 
 def test_recordings_are_compared() -> None:

@@ -32,6 +32,26 @@ SUBJECTS = {"S9": (0.0, 0.0, 0.0), "S11": (150.0, -80.0, 0.0)}
 # The 17 joints of h36m17 among the 32 of the motion capture.
 OF_32 = (0, 1, 2, 3, 6, 7, 8, 12, 13, 14, 15, 17, 18, 19, 25, 26, 27)
 
+# Joints of MPII, and those of h36m17 in their place.
+HOURGLASS = {
+    "r_ankle": "right_ankle",
+    "r_knee": "right_knee",
+    "r_hip": "right_hip",
+    "l_hip": "left_hip",
+    "l_knee": "left_knee",
+    "l_ankle": "left_ankle",
+    "pelvis": "pelvis",
+    "thorax": "neck",
+    "upper_neck": "nose",
+    "head_top": "head",
+    "r_wrist": "right_wrist",
+    "r_elbow": "right_elbow",
+    "r_shoulder": "right_shoulder",
+    "l_shoulder": "left_shoulder",
+    "l_elbow": "left_elbow",
+    "l_wrist": "left_wrist",
+}
+
 
 @dataclass
 class TakeData:
@@ -138,6 +158,30 @@ def write_detections(root: Path, recording: Recording) -> None:
             folder = root / take.subject / take.name / name
             folder.mkdir(parents=True)
             np.savez(folder / "poses.npz", poses2d=take.pixels[:, view])
+
+
+def write_hourglass(root: Path, recording: Recording) -> None:
+    """Write one npz per take: 16 detected joints in MPII's order, and their counterparts in the truth."""
+    places = [sk.layouts.H36M17.joints.index(name) for name in HOURGLASS.values()]
+    for take in recording.takes:
+        rig = recording.rigs[take.subject]
+        detected = np.insert(take.pixels[:, :, None, places], 2, 1.0, axis=-1)
+        np.savez(
+            root / f"{take.subject}_{take.name.replace(' ', '_')}.npz",
+            **{name: np.stack([getattr(camera, name) for camera in rig]) for name in ("K", "R", "t")},
+            dist=np.stack([lens(camera) for camera in rig]),
+            image_size=np.array([camera.size for camera in rig]),
+            camera_names=list(rig.names),
+            det2d=detected,
+            gt3d=take.truth[:, None],
+            det_joints=list(HOURGLASS),
+            gt_joints=list(sk.layouts.H36M17.joints),
+            pairs=np.array(list(enumerate(places))),
+            frames=take.frames,
+            fps=50.0,
+            subject=take.subject,
+            sequence=take.name,
+        )
 
 
 def joints_32(truth: np.ndarray) -> np.ndarray:

@@ -65,7 +65,7 @@ pub struct LayoutSpec {
     /// Joint angles beyond those that the names of joints give, or in their place.
     pub angles: Vec<OwnAngle>,
     /// Whether this is a person's body, with the joint names of the built-in layouts: its bones
-    /// have the population's proportions, and its joints the published errors.
+    /// have the population's proportions, and its joints the usual errors of detectors.
     pub human: bool,
 }
 

@@ -34,7 +34,7 @@ use crate::errors::{Failure, Result, in_words};
 ///     0 to 180; four: that between a→b and c→d.
 /// human : bool
 ///     This is a person's body, whose joints are named as in the built-in layouts: bones with known
-///     ends have the proportions of the population, and joints the published errors of detectors.
+///     ends have the proportions of the population, and joints the usual errors of detectors.
 ///
 /// Raises
 /// ------
@@ -260,7 +260,7 @@ impl Layout {
         PyTuple::new(py, rows?)
     }
 
-    /// Whether this is a person's body, with the population's bones and the published errors.
+    /// Whether this is a person's body, with the population's bones and usual errors of detectors.
     #[getter]
     fn human(&self) -> bool {
         self.0.human

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from skelsplat.datasets import human36m, occlusion_person, panoptic, shelf_campus, synthetic
+from skelsplat.datasets import hourglass, human36m, occlusion_person, panoptic, shelf_campus, synthetic
 from skelsplat.datasets._files import Survey
 from skelsplat.datasets._model import Dataset
 from skelsplat.datasets._verify import raise_errors, samples_of, verify, view_errors
@@ -42,6 +42,10 @@ READERS = {
     "human36m-occ": Reader(
         "Human3.6M-Occ: occluded views; one folder per variant, in the authors' layout",
         human36m.read_occluded,
+    ),
+    "human36m-hourglass": Reader(
+        "Human3.6M with hourglass detections of arms, legs, neck and pelvis: one npz per take.",
+        hourglass.read,
     ),
     "panoptic": Reader("CMU Panoptic Studio: single-person sequences in HD cameras.", panoptic.read),
     "occlusion-person": Reader(

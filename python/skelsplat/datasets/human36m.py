@@ -113,7 +113,7 @@ def _read(
         raise DatasetError(place, "takes", "at least one", "none")
     words = f"detections of {chosen}" if chosen else "without detections"
     source = f"{title}, {place.resolve().name}, {survey.format} layout; {words}"
-    return Dataset(name, H36M17, tuple(sorted(takes, key=_order)), chosen, source, tuple(survey.notes))
+    return Dataset(name, H36M17, tuple(sorted(takes, key=order_of)), chosen, source, tuple(survey.notes))
 
 
 read = partial(_read, "human36m", "Human3.6M")
@@ -139,20 +139,20 @@ def _folders(path: Path) -> list[Path]:
     return sorted(entry for entry in path.iterdir() if entry.is_dir()) if path.is_dir() else []
 
 
-def _action(activity: str) -> str:
+def action_of(activity: str) -> str:
     """Return the action of a take: ``"TakingPhoto 1"`` → ``"Photo"``."""
     stem = re.sub(r"[\s_-]*\d*$", "", activity.strip()[:MOST_NAME])
     return ALIASES.get(stem, stem)
 
 
-def _order(take: Take) -> tuple[int, str, int, str]:
+def order_of(take: Take) -> tuple[int, str, int, str]:
     """Sort key: S9 before S11, then actions in the tables' order, then by name."""
     digits = re.sub(r"\D", "", take.subject)
     action = ACTIONS.index(take.action) if take.action in ACTIONS else len(ACTIONS)
     return int(digits[:9] or 0), take.subject, action, take.key
 
 
-def _chosen(path: Path, there: Iterable[str], subjects: Sequence[str] | None) -> list[str]:
+def subjects_of(path: Path, there: Iterable[str], subjects: Sequence[str] | None) -> list[str]:
     """Return the subjects to read of those that are there."""
     available = sorted(set(there))
     for subject in subjects or ():
@@ -172,7 +172,7 @@ def _rig(path: Path, subject: str) -> tuple[CameraRig, Path]:
 
 def _take(subject: str, activity: str, rig: CameraRig, truth: Array, files: Mapping[str, Path]) -> Take:
     frames = np.arange(len(truth))
-    key, action = f"{subject}/{activity}", _action(activity)
+    key, action = f"{subject}/{activity}", action_of(activity)
     return Take(key, subject, action, rig, frames, truth, fps=_FPS, files=files)
 
 
@@ -180,7 +180,7 @@ def _authors_takes(
     root: Path, survey: Survey, subjects: Sequence[str] | None, rig_of: RigOf
 ) -> Iterator[Take]:
     folder = root / _FORMATS["skelsplat"]
-    for subject in _chosen(folder, (path.name for path in _folders(folder)), subjects):
+    for subject in subjects_of(folder, (path.name for path in _folders(folder)), subjects):
         rig, cameras = rig_of(subject)
         for activity in _folders(folder / subject):
             truth, joints, _ = read_truth(survey, activity, H36M17.n_joints)
@@ -192,7 +192,7 @@ def _videopose3d_takes(
 ) -> Iterator[Take]:
     path = survey.find([root / _FORMATS["videopose3d"]], "truth")
     positions = npz_fields(path, ("positions_3d",))["positions_3d"].members()
-    for subject in _chosen(path, map(str, positions), subjects):
+    for subject in subjects_of(path, map(str, positions), subjects):
         rig, cameras = rig_of(subject)
         for activity, value in positions[subject].members().items():
             truth = value.array_of("frames", "joints", 3)

@@ -30,8 +30,8 @@ from skelsplat.evaluation import baselines
 from skelsplat.exceptions import DatasetError, one_of
 
 Settings = Mapping[str, Any]
-Start = Literal["dlt", "fusion", "none"]
-"""Initial poses: DLT without confidences, fused monocular poses, or the solver's own triangulation."""
+Start = Literal["dlt", "ransac", "fusion", "none"]
+"""Initial poses: DLT without confidences, RANSAC, fused monocular poses, or what the solver triangulates."""
 
 DEFAULT_INIT_SIGMA_MM = 25.0
 """Standard deviation per axis of a fused start: 40.2 mm, the mean error that the paper reports of it on
@@ -149,10 +149,12 @@ def without_lens(rig: CameraRig) -> CameraRig:
     return CameraRig([without_distortion(camera) for camera in rig], rig.unit)
 
 
-def starting_poses(take: Take, start: Literal["dlt", "fusion"]) -> Array:
+def starting_poses(take: Take, start: Literal["dlt", "ransac", "fusion"]) -> Array:
     """Return initial poses."""
     if start == "dlt":
         return triangulate(_there(take.detections)[..., :2], take.rig, method="dlt")
+    if start == "ransac":
+        return triangulate(_there(take.detections), take.rig, method="ransac")
     return fuse_monocular(_there(take.monocular), _there(take.detections), take.rig)
 
 
@@ -259,6 +261,12 @@ _ALL = (
     Method("annealed-prior", Task.refined, _prior),  # with the fused monocular poses as a Gaussian prior
     Method("paper-closed-form", Task.refined, partial(_paper, renderer="closed_form")),
     Method("paper", Task.refined, _paper, by_pixels=True),  # raster, Adam
+    Method(  # from RANSAC, whatever the paper starts from
+        "paper-ransac",
+        Task.refined,
+        lambda options: _paper(replace(options, paper_start="ransac")),
+        by_pixels=True,
+    ),
 )
 _BY_NAME = {method.name: method for method in _ALL}
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelsplat import metrics
-from skelsplat._arrays import Array, generator
+from skelsplat._arrays import Array, Mask, generator
 from skelsplat._skelsplat import Layout
 from skelsplat.datasets import Take
 from skelsplat.evaluation.methods import Solution
@@ -28,9 +28,13 @@ def score(
 
     ``absolute_mm``, ``relative_mm``, ``procrustes_mm`` are the MPJPE over all joints with a position; the
     share of others is ``missing``, and they are wrong in ``pck_…``. ``acceleration_m_s2`` is the error of
-    the acceleration where frames are consecutive and their rate is known.
+    the acceleration where frames are consecutive and their rate is known. A protocol with ``joints`` has
+    also ``every_joint_mm``, and ``offsets_out_mm``, after the mean error of each joint of a subject, in
+    the frame of the body, is subtracted.
     """
-    errors = [_errors(case, s.pose, layout, protocol) for case, s in zip(cases, solutions, strict=True)]
+    every = [_errors(case, s.pose, layout, protocol) for case, s in zip(cases, solutions, strict=True)]
+    counted = _counted(layout, protocol)
+    errors = [{key: e[key] if key == "pcp" else e[key][:, counted] for key in e} for e in every]
     poses = sum(len(case.take) for case in cases)
     columns = {
         key: _means([e for e, case in zip(errors, cases, strict=True) if case.column == key])
@@ -51,7 +55,10 @@ def score(
         whole[key] = _mean([e[key] for e in errors])
     if protocol.mean_of_columns:
         whole["pcp"] = _mean([np.array([means["pcp"] for means in columns.values()])])
-    joints = {name: _means(errors, joint=j) for j, name in enumerate(layout.joints)}
+    if protocol.joints:
+        whole["every_joint_mm"] = _mean([e["absolute_mm"] for e in every])
+        whole["offsets_out_mm"] = _without_offsets(cases, solutions, layout, protocol)
+    joints = {name: _means(every, joint=j) for j, name in enumerate(layout.joints)}
     return lines(method, {"all": {"": whole}, "action": columns, "joint": joints})
 
 
@@ -60,6 +67,7 @@ def _errors(case: Case, pose: Array, layout: Layout, protocol: Protocol) -> dict
     take = case.take
     truth, found = take.truth * take.rig.mm_per_unit, pose * take.rig.mm_per_unit
     root = layout.root if protocol.root is None else protocol.root
+    counted = _counted(layout, protocol)[:, None]
     absolute = {
         "absolute_mm": metrics.mpjpe(found, truth, reduce="none"),
         "acceleration_m_s2": _acceleration(take, found - truth),
@@ -71,10 +79,47 @@ def _errors(case: Case, pose: Array, layout: Layout, protocol: Protocol) -> dict
     return {
         **{key: np.where(case.absolute, values, np.nan) for key, values in absolute.items()},
         "relative_mm": metrics.root_relative_mpjpe(found, truth, root=root, reduce="none"),
-        "procrustes_mm": metrics.pa_mpjpe(found, truth, reduce="none"),
+        "procrustes_mm": metrics.pa_mpjpe(found, np.where(counted, truth, np.nan), reduce="none"),
         "missing": np.asarray(metrics.missing_rate(found, truth, reduce="none")),
         "pcp": parts,
     }
+
+
+def _counted(layout: Layout, protocol: Protocol) -> Mask:
+    """Which joints (N,) averages are of."""
+    return np.isin(layout.joints, protocol.joints or layout.joints)
+
+
+def _without_offsets(
+    cases: Sequence[Case], solutions: Sequence[Solution], layout: Layout, protocol: Protocol
+) -> float:
+    """Return the mean error, mm, after the `offsets` of each subject in the frame of the body are removed."""
+    counted = _counted(layout, protocol)
+    own: dict[str, list[Array]] = {}
+    for case, solution in zip(cases, solutions, strict=True):
+        if case.absolute:
+            take = case.take
+            error = in_body(solution.pose - take.truth, take.truth, layout) * take.rig.mm_per_unit
+            own.setdefault(take.subject, []).append(error[:, counted])
+    bodies = [np.concatenate(parts) for parts in own.values()]
+    return _mean([np.linalg.norm(error - offsets(error), axis=-1) for error in bodies])
+
+
+def in_body(vectors: Array, pose: Array, layout: Layout) -> Array:
+    """Turn vectors (T, N, 3) of joints into the frame of a body (T, N, 3): to the left, ahead, and up."""
+    left, right, neck = (pose[:, layout.joints.index(name)] for name in ("left_hip", "right_hip", "neck"))
+    aside = left - right
+    ahead = np.cross(aside, neck - right)
+    axes = np.stack([aside, ahead, np.cross(ahead, aside)], axis=1)
+    axes /= np.linalg.norm(axes, axis=-1, keepdims=True)
+    return np.asarray(np.einsum("tij,tnj->tni", axes, vectors))
+
+
+def offsets(error: Array) -> Array:
+    """Return the mean error (N, 3) of every joint, from (T, N, 3); 0 for one that never has any."""
+    known = np.isfinite(error).all(axis=-1, keepdims=True)
+    mean: Array = np.where(known, error, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    return mean
 
 
 def _acceleration(take: Take, error: Array) -> Array:

@@ -27,6 +27,8 @@ _COLUMNS = {
     "interval": Figure("95 % CI"),
     "relative_mm": Figure("rel", best="low", title="Root-relative MPJPE, mm"),
     "procrustes_mm": Figure("PA", best="low", title="PA-MPJPE, mm"),
+    "every_joint_mm": Figure("all", best="low"),
+    "offsets_out_mm": Figure("offsets out", best="low"),
     "median_mm": Figure("median", best="low"),
     **{f"pck_{mm}": Figure(f"PCK {mm}", best="high", factor=100) for mm in PCK_MM},
     "pcp": Figure("PCP", best="high", title="PCP, %", factor=100),
@@ -145,7 +147,8 @@ def evaluate(
         solved = _solve(method, cases, dataset.layout, chosen, (k, len(picked)), report)
         lines += score(method.name, cases, solved, dataset.layout, rules)
     rated = any(math.isfinite(line.get("acceleration_m_s2", math.nan)) for line in lines)
-    known = {"pcp": bool(rules.parts), "acceleration_m_s2": rated}
+    some = dict.fromkeys(("every_joint_mm", "offsets_out_mm"), bool(rules.joints))
+    known = {"pcp": bool(rules.parts), "acceleration_m_s2": rated, **some}
     views = ", ".join(map(str, sorted({len(case.take.rig) for case in cases})))
     return Single(
         dataset=dataset,

@@ -173,8 +173,9 @@ def _array(stream: IO[bytes], path: Path, name: str, held: int) -> Any:
         if max((0, *shape)) <= _MOST_LENGTH and 0 <= count * max(1, dtype.itemsize) <= held:
             stream.seek(0)
             array = np.lib.format.read_array(stream, allow_pickle=False)
-            if dtype.kind == "U":
-                array.tolist()  # numbers that are no characters
+            if dtype.kind == "U":  # NumPy makes texts of numbers that are no characters
+                points = np.frombuffer(array.tobytes(), np.dtype("u4").newbyteorder(dtype.byteorder))
+                list(map(chr, np.unique(points).tolist()))
             return array
     except Exception as error:
         raise DatasetError(path, name, "a complete array in npy format", error) from error

@@ -33,8 +33,8 @@ MEANINGS = {
     "views_used": "views per frame with a detection of the joint that is used and not rejected",
     "noise": "standard deviation of the detections' noise, estimated, median over the frames",
     "error_bar": "standard deviation from an anatomical joint, root mean square over the axes: scatter, and "
-    "what detectors err by in all views and frames (settings.joint_bias_mm; null: published figures), and "
-    "what cameras found from people add",
+    "what detectors err by in all views and frames (settings.joint_bias_mm; null: by joint), and what "
+    "cameras found from people add",
     "scatter": "standard deviation between recordings of the same pose by the same detector, likewise",
     "start": "what before_px and moved are measured from: the initial pose if one was given, else DLT",
     "frame_findings": "unusual single frames: their numbers are the frames of the subject; lists among the "

@@ -48,6 +48,23 @@ def test_every_layout_comes_back(tmp_path, recording, name):
     assert all(path.exists() for path in report.survey.there)
 
 
+def test_hourglass_takes_come_back_with_the_joints_that_they_have(tmp_path, recording):
+    write.write_hourglass(tmp_path, recording)
+    dataset = datasets.read("human36m-hourglass", tmp_path)
+    assert [take.subject for take in dataset] == ["S9"] * 4 + ["S11"] * 4
+    there = np.arange(17) != sk.layouts.H36M17.joints.index("spine")
+    for take, written in zip(dataset, recording.takes, strict=True):
+        assert (take.rig.names, take.rig.unit, take.fps) == (write.CAMERAS, "mm", 50.0)
+        assert take.rig[1].size == recording.rigs[written.subject][1].size
+        np.testing.assert_array_equal(take.truth[:, there], written.truth[:, there])
+        np.testing.assert_array_equal(take.detections[:, :, there, :2], written.pixels[:, :, there])
+        assert np.isnan(take.truth[:, ~there]).all()
+        assert (take.detections[:, :, ~there, 2] == 0).all()
+    assert len(datasets.read("human36m-hourglass", tmp_path, subjects=["S11"])) == 4
+    report = datasets.check("human36m-hourglass", tmp_path)
+    assert (report.ok, report.findings) == (True, ())
+
+
 def test_detections_kept_apart(tmp_path, recording):
     write.write_skelsplat(tmp_path / "data", recording, detectors=())
     write.write_detections(tmp_path / "2d_resnet152", recording)

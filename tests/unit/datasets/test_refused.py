@@ -112,7 +112,9 @@ def unlike(keys):
     return lambda root: panoptic.write(root, **keys)
 
 
-AUTHORS, POSE3D = (h36m(name) for name in ("skelsplat", "videopose3d"))
+AUTHORS, POSE3D, HOURGLASS = (h36m(name) for name in ("skelsplat", "videopose3d", "hourglass"))
+WALK = "S9_Directions_1.npz"
+NO_TEXT = np.frombuffer(b"S\0\0\0\0\0\x20\0", "<U2")  # a character beyond Unicode
 PERSONS = occlusion_person.write
 SHELF = lambda root: shelf_campus.write(root, "shelf")  # noqa: E731
 PEOPLE = lambda root: shelf_campus.write_everybody(root, "shelf", n_frames=4)  # noqa: E731
@@ -136,6 +138,18 @@ CASES = {
         (AUTHORS, arrays(POSES, lambda a: {"poses": a["poses"][1:]}), "poses.npz", "poses2d"),
         (AUTHORS, cut("poses.npz"), "poses.npz", "file"),
         (POSE3D, cut(TRUTH, 0.9), TRUTH, "file"),
+    ],
+    "human36m-hourglass": [
+        (HOURGLASS, kept, "", "subjects", {"subjects": ["S5"]}),
+        (HOURGLASS, arrays(WALK, lambda a: {"K": a["K"][:3]}), WALK, "K"),
+        (HOURGLASS, arrays(WALK, lambda a: {"gt3d": a["gt3d"][1:]}), WALK, "gt3d"),
+        (HOURGLASS, arrays(WALK, lambda a: {"det2d": a["det2d"][:0]}), WALK, "det2d"),
+        (HOURGLASS, arrays(WALK, lambda a: {"pairs": a["pairs"] + 5}), WALK, "pairs"),
+        (HOURGLASS, arrays(WALK, lambda a: {"det_joints": [*a["det_joints"][:15], "tail"]}),
+         WALK, "det_joints[15]"),
+        (HOURGLASS, arrays(WALK, lambda _: {"sequence": None}), WALK, "sequence"),
+        (HOURGLASS, arrays(WALK, lambda _: {"sequence": NO_TEXT.reshape(())}), WALK, "sequence"),
+        (HOURGLASS, cut(WALK), WALK, "file"),
     ],
     "panoptic": [
         (panoptic.write, content(BODY, lambda d: d["bodies"].append({**d["bodies"][0], "id": 7})),

@@ -29,6 +29,7 @@ def occluded(root: Path) -> None:
 SETS = {
     "authors": ("human36m", h36m("skelsplat"), [], ACTIONS, 26.7),
     "videopose3d": ("human36m", h36m("videopose3d"), [], ACTIONS, 26.7),
+    "hourglass": ("human36m-hourglass", h36m("hourglass"), [], ACTIONS, 26.7),
     "occ": ("human36m-occ", occluded, [], ACTIONS, 31.1),
     "panoptic": ("panoptic", panoptic.write, ["--views", "4"], list(panoptic.SEQUENCES), 20.9),
     "person": ("occlusion-person", occlusion_person.write, ["--views", "4"], None, None),

@@ -54,6 +54,9 @@ EXPECTED = {
     "annealed-prior": lambda: refined(fused(), None, init_sigma=25.0),
     "paper-closed-form": lambda: refined(by_dlt(), CLOSED_FORM),
     "paper": lambda: refined(by_dlt(), sk.RefineConfig.paper()),
+    "paper-ransac": lambda: refined(
+        sk.triangulate(TAKE.detections, TAKE.rig, method="ransac"), sk.RefineConfig.paper()
+    ),
 }
 
 

@@ -83,6 +83,32 @@ def test_missing_joints_are_in_no_distance_and_wrong_in_pck() -> None:
     assert np.isnan(s["right_ankle"]["absolute_mm"])
 
 
+def test_averages_of_some_joints_leave_the_others_to_the_table_of_joints() -> None:
+    take = takes.hand_made("S9/Eating", frames=range(8))
+    error = np.zeros((8, 17, 3))
+    error[:, 16], error[:, 10] = along_x(60), along_x(500)
+    arms = ("right_wrist", "right_elbow", "left_wrist", "left_elbow")
+    s = scored(replace(PROTOCOL, joints=arms), [take], [error])
+    assert s[""]["absolute_mm"] == pytest.approx(15.0)
+    assert s[""]["every_joint_mm"] == pytest.approx(560 / 17)
+    assert (pck(s)[0], s["head"]["absolute_mm"]) == pytest.approx((0.75, 500.0))
+    assert s[""]["procrustes_mm"] < 60.0  # the head turns nothing
+
+
+def test_an_offset_that_turns_with_the_body_is_told_from_other_errors() -> None:
+    take = takes.hand_made("S9/Eating", frames=range(50))
+    truth = take.truth
+    aside = truth[:, 4] - truth[:, 1]
+    error = np.zeros((50, 17, 3))
+    error[:, 16] = 40.0 * aside / np.linalg.norm(aside, axis=-1, keepdims=True)
+    protocol = replace(PROTOCOL, joints=("right_wrist",))
+    s = scored(protocol, [take], [error])[""]
+    assert (s["absolute_mm"], s["offsets_out_mm"]) == pytest.approx((40.0, 0.0), abs=1e-9)
+    error[::2, 16] *= -1
+    s = scored(protocol, [take], [error])[""]
+    assert s["offsets_out_mm"] == pytest.approx(40.0)
+
+
 def test_pcp_is_averaged_over_actors() -> None:
     made = [
         takes.hand_made(f"S0/actor{k}", frames=range(300, 300 + n), n_joints=14, action=f"actor{k}")

@@ -99,7 +99,7 @@ def test_shelf_has_pcp_per_actor() -> None:
 def test_without_names_everything_runs_that_the_data_allow(monkeypatch: pytest.MonkeyPatch) -> None:
     blind = replace(DATA, takes=tuple(replace(take, monocular=None) for take in DATA))
     found = list(single.evaluate(blind).methods)
-    lacking = {"fusion", "annealed-prior", "paper", *OVER_TIME}
+    lacking = {"fusion", "annealed-prior", "paper", "paper-ransac", *OVER_TIME}
     assert found == [name for name in methods.names if name not in lacking]
     rules = protocols.get(DATA.name)
     assert set(OVER_TIME) < set(single.evaluate(takes.recording()).methods)

@@ -49,7 +49,7 @@ settings! {
         joint_bias_mm: JointBias = JointBias::OfLayout, Domain::NotNegative, "mm",
             "Standard deviation per axis of the detector's joints from anatomical ones, the same \
              in all views and frames, for all joints or N values; part of the error bar, not of \
-             the scatter; None: published figures for human layouts, 0 for others.";
+             the scatter; None: figures from motion capture for human layouts, 0 for others.";
         undistort: bool = true, Domain::Any, "",
             "Remove lens distortion from the detections first; False reproduces results published \
              without undistortion.";

@@ -133,6 +133,7 @@ def published(dataset: Dataset, protocol: Protocol) -> Published | None:
     variant = re.search(r"occ-(2|3-hard|3)\b", f"{dataset.name} {dataset.source}".lower())
     found = {
         "human36m": ("tab:h36m", "average"),
+        "human36m-hourglass": ("tab:h36m", "average"),
         "human36m-occ": ("tab:h36m-occ", variant[1]) if variant else None,
         "panoptic": ("tab:cmu", "average") if four else ("tab:abl-views", str(n_views)),
         "occlusion-person": ("tab:occ-pers", str(n_views)),
