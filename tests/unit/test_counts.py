@@ -9,15 +9,15 @@ import counts
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 36_925,
+    "package": 37_124,
     "cli": 3_396,
-    "core": 19_337,
+    "core": 19_358,
     "binding": 2_750,
-    "Rust tests": 6_254,
-    "Python tests": 28_036,
-    "benchmarks and tools": 4_389,
-    "docs, words": 41_452,
-    "README, words": 1_330,
+    "Rust tests": 6_257,
+    "Python tests": 28_157,
+    "benchmarks and tools": 4_511,
+    "docs, words": 42_000,
+    "README, words": 1_436,
 }
 
 
