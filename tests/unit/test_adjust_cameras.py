@@ -39,6 +39,14 @@ def test_a_turned_camera_is_set_right(detections) -> None:
     assert (found.fitted, found.judged) == (70, 20)
 
 
+def test_a_joint_that_one_view_has_wrong_for_twenty_frames_turns_no_camera() -> None:
+    poses, noise = synthetic.motion("walk", 20, fps=30, seed=16), DetectionNoise.recording(frame_rate=30)
+    seen = synthetic.simulate_detections(poses, list(RIG)[:3], noise=noise, layout="h36m17", seed=16)
+    wrong = int(np.random.default_rng(16).integers(17))
+    seen[:, 1, wrong, :2] += 80.0 * np.array([np.cos(16.0), np.sin(16.0)])
+    assert not sk.adjust_cameras(seen, list(RIG)[:3]).of("adjusted", "late")
+
+
 def test_cameras_may_be_named(detections) -> None:
     by_name, by_number = (sk.adjust_cameras(detections, KNOCKED, free=one) for one in (RIG.names[2], [2]))
     assert by_name.cameras == by_number.cameras
