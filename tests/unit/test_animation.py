@@ -17,6 +17,7 @@ from skelsplat.cameras import matrix_from_vector
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import FindingWarning
 from skelsplat.io import PoseData, read_pose, write_pose
+from skelsplat.io.poses import convert_poses
 
 FPS, T = 50.0, 40
 JOINTS = {
@@ -272,6 +273,14 @@ def test_another_vertical_becomes_y(tmp_path):
     write_pose(tmp_path / "walk.bvh", walk(turned), frame_rate=FPS, up=[0.0, -1.0, 0.0])
     places, *_ = read_bvh(tmp_path / "walk.bvh")
     np.testing.assert_allclose(10 * places["LeftHand"][:, 1], upright(pose, "left_wrist")[:, 1], atol=1.0)
+
+
+def test_marker_files_become_animations_the_right_way_up(tmp_path):
+    write_pose(tmp_path / "walk.trc", walk(), frame_rate=FPS, y_up=True, marker_names="pose2sim")
+    convert_poses(tmp_path / "walk.trc", tmp_path / "walk.bvh")
+    places, *_ = read_bvh(tmp_path / "walk.bvh")
+    for part, joint in JOINTS.items():
+        np.testing.assert_allclose(10 * places[part][:, 1], upright(walk().pose, joint)[:, 1], atol=1.0)
 
 
 def test_what_constant_bones_cost_is_said(tmp_path):

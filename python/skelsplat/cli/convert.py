@@ -114,6 +114,10 @@ def _poses(source: Path, target: Path, given: dict[str, Any]) -> tuple[str, dict
     except InvalidInputError as error:
         option = {"unit": "to_unit", "frame_rate": "fps"}.get(error.argument, error.argument)
         raise error.of_argument(option) from error
+    except DatasetError as error:
+        if error.field != "frame_rate":
+            raise
+        raise InvalidInputError(f"fps: expected {error.expected}, got {error.actual}") from error
     frames, joints = data.pose.shape[:2]
     about = {"format": pose_format(path), "frames": frames, "joints": list(data.joint_names)}
     sentence = f"Wrote {frames} frames of {joints} joints to {target}."

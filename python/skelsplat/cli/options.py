@@ -117,7 +117,7 @@ JOB = rows(
     --camera-type TYPE  Which cameras of the file: hd, vga, … (Panoptic), video cameras (Qualisys, Vicon), or
         all.
     --subject S1  Human3.6M: the subject with these cameras.
-    --size WxH  Image size, if the files do not state it: OpenPose, some OpenCV YAML, VoxelPose, DANNCE.
+    --size WxH  Image size, if the files do not state it, as those of OpenPose, VoxelPose, DANNCE, matrices.
     --binning N  Qualisys: sensor pixels per pixel of the video.
     Input:
     * --layout NAME  Joint layout, such as body25b. A name (skelsplat layouts lists them), a layout file

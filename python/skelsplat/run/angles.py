@@ -14,7 +14,7 @@ from skelsplat._angles import Angle, angles_of_joints, known_angles, own_angles
 from skelsplat._arrays import Array
 from skelsplat._atomic import atomic_write, atomic_write_text
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.io.poses._csv import times_of
+from skelsplat.io.poses._csv import csv_text, times_of
 
 if TYPE_CHECKING:
     from skelsplat.io import PoseData
@@ -105,11 +105,11 @@ def _csv(angles: sk.JointAngles, scatter: Array, stamps: Iterable[tuple[int, Any
     """Return a row per frame and time, with three columns per angle; a field without a number is empty."""
     ends = ("", "_sigma", "_scatter")
     values = np.stack([angles.degrees, angles.sigma, scatter], axis=-1).reshape(len(scatter), -1)
-    lines = [",".join(["frame", "time", *(name + end for name in angles.names for end in ends)])]
+    rows = [["frame", "time", *(name + end for name in angles.names for end in ends)]]
     for stamp, row in zip(stamps, values.tolist(), strict=True):
         numbers = (f"{value:.{_DECIMALS}f}" if math.isfinite(value) else "" for value in row)
-        lines.append(",".join([*map(str, stamp), *numbers]))
-    return "\n".join(lines) + "\n"
+        rows.append([*map(str, stamp), *numbers])
+    return csv_text(rows)
 
 
 def mot_text(angles: sk.JointAngles, times: Array) -> str:

@@ -461,7 +461,7 @@ def _findings(found: sk.RigCalibration, clock: bool) -> Iterator[Finding]:
             "movement": f"the person hardly moves. {_FILM}",
             "cameras": f"too few cameras agree. Do all of them see the same person at the same time? {_FILM}",
             "lenses": f"other focal lengths fit than {stated} ({', '.join(off)}). Are the lenses those of "
-            "these cameras, at this zoom and image size? Otherwise, focal lengths are found",
+            "these cameras, at this zoom and image size? Without them, focal lengths are found",
             "places": f"{bars}. {_FILM}{lenses}",
         }
         words = f"This recording does not tell where the cameras are: {why[found.doubts[0]]}."

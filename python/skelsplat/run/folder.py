@@ -12,6 +12,8 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from skelsplat import layouts
 from skelsplat._atomic import atomic_write_text, opening, remove_left
 from skelsplat._json import to_text
@@ -73,12 +75,14 @@ _OF_OTHERS = ("plots", "overlay")
 _OPENSIM = Path(OPENSIM_FILES[0]).parent.name
 _ASSUMED_FPS = 30.0
 # formats that state times, which a frame rate has to be assumed for
+_MOVED = ("bvh", "glb")  # formats of which somebody has to be there
 _TIMED = [kind for kind, entry in POSE_FORMATS.items() if {"y_up", "up"} & set(entry.options)]
 
 
 def _names(writing: Writing, run: Run) -> list[str]:
     """Return the names of the files, but for the report; pictures need the extra viz."""
-    wanted = {*(f"pose.{kind}" for kind in writing.pose_formats), CAMERAS, DETECTIONS}
+    kinds = [kind for kind in writing.pose_formats if np.isfinite(run.poses.pose).any() or kind not in _MOVED]
+    wanted = {*(f"pose.{kind}" for kind in kinds), CAMERAS, DETECTIONS}
     wanted |= {*ANGLE_FILES, *([STRIDES] if strides_of(run) else [])} if writing.angles else set()
     wanted |= set(OPENSIM_FILES) if writing.opensim else set()
     wanted |= set() if layouts.is_built_in(run.layout) else {LAYOUT}
@@ -163,7 +167,7 @@ def write_folder(
         "limbs": run.layout.limbs,
     }
     with collected_warnings(tell) as notes:
-        for kind in writing.pose_formats:
+        for kind in (kind for kind in writing.pose_formats if f"pose.{kind}" in names):
             options = {name: value for name, value in every.items() if name in POSE_FORMATS[kind].options}
             timed = {"frame_rate": rate or _ASSUMED_FPS} if kind in _TIMED else {}
             write_pose(folder / f"pose.{kind}", whole.poses, **options, **timed)

@@ -23,7 +23,7 @@ from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, FindingWarning, Subject
 from skelsplat.io._arrays import npz_keys
 from skelsplat.io._files import head
-from skelsplat.io.poses._animation import check_animation
+from skelsplat.io.poses._animation import check_animation, upward
 from skelsplat.io.poses._bvh import write_bvh
 from skelsplat.io.poses._c3d import c3d_is_y_up, check_c3d, read_c3d, write_c3d
 from skelsplat.io.poses._csv import COLUMNS, csv_text, read_csv, rows_of, write_csv
@@ -143,7 +143,10 @@ def convert_poses(
         data, unit = data.in_unit(unit), None
     if y_up:
         _warn_if_turned(source)
-    given = {"y_up": y_up or None, "marker_names": marker_names, "singular": singular or None, "unit": unit}
+    given: dict[str, object] = {"marker_names": marker_names, "unit": unit}
+    given |= {"y_up": y_up or None, "singular": singular or None}
+    if "up" in POSE_FORMATS[kind].options and pose_format(source) in ("trc", "c3d"):
+        given["up"] = upward(data)
     try:
         write_pose(target, data, **given)
     except InvalidInputError as error:

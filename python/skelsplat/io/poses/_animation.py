@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelsplat import layouts
-from skelsplat._arrays import Index, numbers
+from skelsplat._arrays import Array, Index, numbers
 from skelsplat._skeleton import Animation, animate, is_person
 from skelsplat._words import number
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.findings import Finding, warn
-from skelsplat.io.poses._markers import with_y_up
+from skelsplat.io.poses._markers import joints_of, with_y_up
 from skelsplat.io.poses._pose_data import PoseData, Poses, known_frame_rate, parts_of
 
 Bones = Sequence[tuple[int, int]]
@@ -42,7 +42,8 @@ def animated(
     step = _step(frames)
     every = np.full(((int(frames[-1]) - int(frames[0])) // step + 1, *points.shape[1:]), np.nan)
     every[(frames - frames[0]) // step] = points @ with_y_up(_Z if up is None else numbers(up, "up")).T
-    animation, seen = animate(every, head.joint_names, _bones(head, limbs), rate / step)
+    joints = joints_of(head.joint_names)
+    animation, seen = animate(every, joints, _bones(head, joints, limbs), rate / step)
     off = MM_PER_UNIT[unit] * np.linalg.norm(animation.places - seen, axis=2)
     median, most = (round(float(np.percentile(off, part)), 3) for part in (50, 95))
     words = "The bones of the animation have constant lengths: its joints are "
@@ -64,9 +65,26 @@ def _step(frames: Index) -> int:
     return math.gcd(*np.diff(frames).tolist()) or 1
 
 
-def _bones(data: PoseData, limbs: Bones | None) -> Bones:
+def upward(data: PoseData) -> Array | None:
+    """Return y (3,) if a person's trunk is along y rather than z, as in most marker files, and say so."""
+    joints = joints_of(data.joint_names)
+    if not is_person(joints):
+        return None
+    index = [[joints.index(f"{side}_{end}") for side in ("left", "right")] for end in ("hip", "shoulder")]
+    hips, shoulders = (data.pose[:, both].mean(axis=1) for both in index)
+    trunk = shoulders - hips
+    seen = trunk[np.isfinite(trunk).all(axis=1)]
+    _, y, z = np.median(seen, axis=0).tolist() if len(seen) else (0.0, 0.0, 1.0)
+    if abs(y) <= abs(z):
+        return None
+    sentence = "y is taken to be up, because the person's trunk points along it."
+    warn(Finding("axes_turned", "note", sentence=sentence))
+    return np.array([0.0, np.sign(y), 0.0])
+
+
+def _bones(data: PoseData, joints: tuple[str, ...], limbs: Bones | None) -> Bones:
     """Return the pairs of joints that bones connect; of people, whose skeleton is known, none."""
-    if is_person(data.joint_names):
+    if is_person(joints):
         return []
     if limbs is not None:
         return limbs

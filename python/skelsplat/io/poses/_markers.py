@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skelsplat import layouts
 from skelsplat._angles import TOES
 from skelsplat._arrays import Array
 from skelsplat.exceptions import one_of
@@ -92,6 +93,14 @@ def marker_names(joint_names: Sequence[str], convention: str) -> tuple[str, ...]
     names = tuple(_pose2sim(name, setup.root) for name in joint_names)
     added = (name for name, ends in _MIDDLES.items() if name in setup.weights and {*ends} <= {*names})
     return (*names, *(name for name in added if name not in names))
+
+
+def joints_of(markers: Sequence[str]) -> tuple[str, ...]:
+    """Return what markers are called as joints, those that Pose2Sim names; others keep their names."""
+    known: dict[str, str] = {}
+    for joints in (layouts.get(name).joints for name in layouts.names if layouts.get(name).human):
+        known = dict(zip(marker_names(joints, "pose2sim"), joints, strict=False)) | known
+    return tuple(known.get(name, name) for name in markers)
 
 
 def as_markers(data: PoseData, convention: str) -> PoseData:
