@@ -99,11 +99,12 @@ def _told(path: Path) -> str:
     for sample in _samples(path) if path.is_dir() else ():
         if (wrong := damage(sample)) is not None:
             return f"none that is recognised: {sample.name} is {wrong}"
-        if sample.suffix.lower() == ".csv" and has_semicolons(csv_header(sample)):
-            return f"none that is recognised: {sample.name} has {SEMICOLONS}"
         if sample.suffix.lower() in (".csv", ".json"):
             begins = head(sample).partition("\n")[0][:_BEGINNING]
-            return f"none that is recognised: {sample.name} begins with {begins!r}"
+            more = (
+                f", {SEMICOLONS}" if sample.suffix != ".json" and has_semicolons(csv_header(sample)) else ""
+            )
+            return f"none that is recognised: {sample.name} begins with {begins!r}{more}"
     return seems(path) or "none that is recognised"
 
 

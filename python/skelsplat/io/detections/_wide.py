@@ -56,8 +56,7 @@ def read_wide(path: Path) -> View:
                 else frame_in(path, f"line {number}, {count}", cell[count].strip())
             )
             if frames and frame <= frames[-1]:
-                expected = f"a number above {frames[-1]}, that of the frame before"
-                raise DatasetError(path, f"line {number}, {count}", expected, frame)
+                raise DatasetError(path, f"line {number}, {count}", f"a number above {frames[-1]}", frame)
             values.append(
                 [number_in(path, f"line {number}, {name}", cell.get(name, "1")) for name in columns]
             )
@@ -91,12 +90,11 @@ def _sure(joint: str, header: Collection[str]) -> str:
 
 def _refuse_other_names(path: Path, joints: Sequence[str], header: Collection[str]) -> None:
     """Raise `DatasetError` if all joints have one more column, none that is known: they would all be sure."""
-    if any(f"{joint}_{part}" in header for joint in joints for part in _SURE):
-        return
+    known = any(f"{joint}_{part}" in header for joint in joints for part in _SURE)
     first = f"{joints[0]}_"
     endings = {name.removeprefix(first) for name in header if name.startswith(first)} - {"x", "y"}
     odd = sorted(part for part in endings if all(f"{joint}_{part}" in header for joint in joints))
-    if odd:
+    if odd and not known:
         expected = f"confidences as NAME_{', NAME_'.join(_SURE)}, or none"
         raise DatasetError(path, "line 1", expected, first + odd[0])
 
