@@ -57,6 +57,9 @@ class Broken:
         assert old in content
         self.file.write_text(content.replace(old, new, 1))
 
+    def replace(self, old, new):
+        self.file.write_text(self.file.read_text().replace(old, new))
+
     def npz(self, **changes):
         with np.load(self.file, allow_pickle=True) as archive:
             arrays = {key: value for key, value in archive.items() if key not in changes}

@@ -335,6 +335,15 @@ def test_colmaps_models_are_opencvs(tmp_path, model, numbers, lens, fisheye):
     np.testing.assert_array_equal([] if rig[1].distortion is None else rig[1].distortion, lens or [])
 
 
+def test_colmaps_images_may_be_without_lines_of_points(tmp_path, views):
+    images = files.colmap(tmp_path, views) / "images.txt"
+    rig = read_calibration(tmp_path, unit="m")
+    images.write_text("".join(line for line in images.read_text().splitlines(True) if ".jpg" in line))
+    found = read_calibration(tmp_path, unit="m")
+    assert found.names == rig.names
+    np.testing.assert_array_equal([camera.t for camera in found], [camera.t for camera in rig])
+
+
 def test_openpose_files_are_in_natural_order_and_one_file_is_a_camera(tmp_path, views):
     files.openpose(
         tmp_path, [replace(v, name=name) for v, name in zip(views, ["10", "2", "1", "x"], strict=True)]

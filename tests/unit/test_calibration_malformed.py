@@ -139,11 +139,14 @@ CASES = [
     ("kalibr", text("resolution: [1000, ", "resolution: ["), r"cam0\.resolution"),
     ("opencv-stereo", text("D2:", "E2:"), "D2"),
     ("opencv-stereo", text("T: !!opencv-matrix\n   rows: 3", "T: !!opencv-matrix\n   rows: 2"), "T"),
+    ("opencv-stereo", text("R: !!opencv", "S: !!opencv"), "R"),
     ("matrices", tree(lambda d: d[N].pop()), N),
     ("matrices", tree(lambda d: d.update({N: [[0] * 4] * 3})), N),
     ("colmap", text("FULL_OPENCV", "FOV", "cameras.txt"), "line 2"),
     ("colmap", text(" 0.0\n", "\n", "cameras.txt"), "line 2"),
     ("colmap", text("7 ", "7 9 ", "images.txt"), "line 3"),
+    ("colmap", text(" -1 7.0", " 7.0", "images.txt"), "line 6"),
+    ("colmap", text("\n\n6 ", "\n6 6 ", "images.txt"), "line 4"),
     ("colmap", lambda path: (path / "cameras.txt").rename(path / "cameras.bin"), r"cameras\.txt"),
     ("human36m-h5", h5("subject9/camera2/T"), r"subject9/camera2\.T"),
     ("human36m-h5", lambda path: path.write_bytes(path.read_bytes()[:900]), "file"),
@@ -192,6 +195,21 @@ def test_a_malformed_file_is_named_with_its_field(tmp_path, name, change, field)
         read_calibration(path, format=name, **options)
     assert str(caught.value).startswith(str(path))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda lines: lines[:2], "content: expected three lines of four numbers, got 2 with 8 numbers"),
+        (lambda lines: [*lines[:2], "0 0 q 1"], "line 3: expected numbers, got 0 0 q 1"),
+    ],
+)
+def test_a_broken_matrix_among_others_is_named(tmp_path, change, message):
+    files.matrices(tmp_path, files.reference(NAMES), "txt")
+    broken = tmp_path / f"{N}.txt"
+    broken.write_text("\n".join(change(broken.read_text().splitlines())))
+    with pytest.raises(sk.DatasetError, match=f"{broken}: {message}"):
+        read_calibration(tmp_path, unit="m", size=(1000, 1000))
 
 
 def test_every_format_has_malformed_twins():

@@ -102,6 +102,14 @@ def test_what_cannot_be_converted(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
 
 
+@pytest.mark.parametrize("kind", ["glb", "bvh", "npy", "anipose.csv"])
+def test_what_is_only_written_is_named(tmp_path, kind):
+    begins = {"glb": b"glTF\2\0\0\0", "npy": b"\x93NUMPY"}.get(kind, b"a_x,a_y,a_z,a_ncams\n")
+    (tmp_path / f"a.{kind}").write_bytes(begins)
+    result = invoke("convert", tmp_path / f"a.{kind}", tmp_path / "a.json")
+    assert_fails(result, 1, f"a .{kind} file, which is only written")
+
+
 def test_a_calibration_is_not_written_over_itself(tmp_path):
     path = tmp_path / "Calib.toml"
     write_calibration(path, synthetic.human36m_like())

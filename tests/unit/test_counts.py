@@ -9,12 +9,12 @@ import counts
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 37_124,
-    "cli": 3_396,
+    "package": 37_184,
+    "cli": 3_397,
     "core": 19_358,
     "binding": 2_750,
     "Rust tests": 6_257,
-    "Python tests": 28_165,
+    "Python tests": 28_225,
     "benchmarks and tools": 4_511,
     "docs, words": 42_000,
     "README, words": 1_436,

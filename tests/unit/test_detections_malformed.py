@@ -186,8 +186,10 @@ MALFORMED = {
     ],
     "wide_csv": [
         (cut_text(60), "line 4"),
-        (lambda b: b.text("\n1,", "\n0,"), "frame"),
+        (lambda b: b.text("\n1,", "\n0,"), "line 3, frame"),
         (lambda b: b.text("nose_x", "nose_y"), "line 1"),
+        (lambda b: b.replace("likelihood", "quality"), "line 1"),
+        (lambda b: b.replace(",", ";"), "line 1"),
         (lambda b: b.text("\n0,0.0,", "\n0,0.0,a"), "line 2, pelvis_x"),
     ],
     "csv": [
@@ -195,6 +197,7 @@ MALFORMED = {
         (lambda b: b.text(",person,", ",who,"), "frame 0"),
         (lambda b: b.text("pelvis,", '"pelvis,'), "line 2"),
         (lambda b: b.text("joint", "part"), "line 1"),
+        (lambda b: b.text("person", "joint"), "line 1"),
         (lambda b: b.text("pelvis,", "pelvis,a"), "line 2, x"),
         (lambda b: b.text("camA,0,", "camA,0.5,"), "line 2, frame"),
         (lambda b: b.text("pelvis", "0"), "joint"),

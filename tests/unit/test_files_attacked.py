@@ -74,6 +74,22 @@ def take(root, people=None, names=CAMERAS):
     return openpose(root, Take(anybody() if people is None else people, list(names), list(JOINTS)))
 
 
+@pytest.mark.parametrize("name", ["conf", "p"])
+def test_confidences_of_wide_csv_have_short_names_too(tmp_path, name):
+    broken = Broken(tmp_path, "wide_csv")
+    expected = broken.read().people
+    broken.replace("likelihood", name)
+    np.testing.assert_array_equal(read(tmp_path).people, expected)
+
+
+def test_semicolons_and_a_project_without_predictions_are_named(tmp_path):
+    (tmp_path / "camA.csv").write_text("frame;nose_x;nose_y\n")
+    assert refused(tmp_path).endswith("separated by semicolons: save it with commas")
+    broken = Broken(tmp_path, "sleap_slp")
+    broken.h5(lambda file: file.__delitem__("pred_points"))
+    assert "pred_points: expected SLEAP's predictions" in refused(broken.file)
+
+
 def test_two_recordings_in_one_folder(tmp_path):
     take(tmp_path)
     for path in sorted((tmp_path / "camB").iterdir()):

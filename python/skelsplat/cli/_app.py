@@ -95,7 +95,8 @@ def _describe(error: Exception) -> str:
     if isinstance(error, OSError) and not isinstance(error, sk.SkelSplatError) and error.filename is not None:
         return f"{error.filename}: {(error.strerror or 'cannot be used').lower()}"
     # arguments within a sentence, as options
-    return re.sub(r'\b(order|without)=(?:"(\w+)")?', r"--\1 \2", str(error)).replace("  ", " ")
+    text = re.sub(r'mapping=\{"(.+?)": …\} assigns it; None', r"--map \1=NAME assigns it; none", str(error))
+    return re.sub(r'\b(order|without)=(?:"(\w+)")?', r"--\1 \2", text).replace("  ", " ")
 
 
 def _usage(error: Any) -> str:

@@ -18,6 +18,7 @@ from skelsplat.exceptions import DatasetError
 
 _HEAD = 65_536  # bytes
 _SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
+SEMICOLONS = "fields separated by semicolons: save it with commas"
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".mts", ".wmv")
 
 
@@ -54,6 +55,8 @@ def csv_lines(path: Path) -> Iterator[list[str]]:
     columns, first = None, 1
     try:
         for line in reader:
+            if columns is None and has_semicolons(line):
+                raise DatasetError(path, "line 1", "fields separated by commas", SEMICOLONS)
             columns = len(line) if columns is None else columns
             if (line and len(line) != columns) or columns > MOST_COLUMNS:
                 expected = f"{min(columns, MOST_COLUMNS)} fields"
@@ -65,6 +68,17 @@ def csv_lines(path: Path) -> Iterator[list[str]]:
         actual = "a quote that is not closed in this line" if is_open else str(error)
         expected = "comma-separated fields, every quote closed"
         raise DatasetError(path, f"line {first}", expected, actual) from error
+
+
+def has_semicolons(header: Sequence[str]) -> bool:
+    """Whether the only field of a first line is several, as spreadsheets separate them in some countries."""
+    return len(header) == 1 and ";" in header[0]
+
+
+def doubled(header: Sequence[str]) -> str | None:
+    """Say which column of a first line is there more than once; None if none is."""
+    name, times = Counter(header).most_common(1)[0] if header else ("", 0)
+    return f"{name or 'a column without a name'} {times} times" if times > 1 else None
 
 
 def csv_header(path: Path) -> list[str]:

@@ -9,7 +9,7 @@ from skelsplat.exceptions import DatasetError
 from skelsplat.io._arrays import HDF5
 from skelsplat.io.calibration import find_format
 from skelsplat.io.detections._registry import recognised
-from skelsplat.io.poses import is_pose_file
+from skelsplat.io.poses import POSE_FORMATS, READ, is_pose_file
 
 # of MATLAB's own classes, as its calibration apps export them, and of other variables nothing is read
 _MAT = "a MAT-file of other variables or objects; in MATLAB, save K, r, t, RDistort, TDistort of each camera"
@@ -39,7 +39,10 @@ def seems(path: Path) -> str | None:
         return f"invalid JSON: {error.actual}" if error.field == "JSON" else None
     except OSError:
         return None
-    return None if form is None else f"a calibration ({form})"
+    if form is not None:
+        return f"a calibration ({form})"
+    kinds = [kind for kind in POSE_FORMATS if kind not in READ and path.name.lower().endswith(f".{kind}")]
+    return f"a .{kinds[0]} file, which is only written" if kinds and path.is_file() else None
 
 
 def damage(path: Path) -> str | None:

@@ -218,6 +218,9 @@ def _parse_stereo(source: Source) -> Parsed:
     for file in _stereo_files(source):
         entries |= (_xml_matrices(file) if file.xml is not None else _entries(file.path)).value
     document = Field(source.path, "", entries)
+    for name in "RT":
+        if document[name].is_missing:
+            raise document[name].error("it here or, as of OpenCV's sample, in extrinsics.yml", "none")
     places = [(np.eye(3), np.zeros(3)), (rotation_of(document["R"]), document["T"].numbers((3,)))]
     cameras = []
     for number, (R, t) in enumerate(places, start=1):

@@ -21,6 +21,9 @@ from skelsplat.io.calibration._format import CalibrationFormat, Parsed, RawCamer
 _CAMERAS, _IMAGES, _BINARY = "cameras.txt", "images.txt", "cameras.bin"
 _TO_TEXT = "text files (colmap model_converter --output_type TXT)"
 _UNIT_NORM = 1e-3
+# of images.txt: numbers in threes, or nothing; an image between whose numbers and name is that of its camera
+_POINTS = re.compile(r"(?:[-+.\deE]+\s+[-+.\deE]+\s+[-+.\deE]+(?:\s+|$))*")
+_IMAGE = re.compile(r"\d+(?:\s+\S+){7}\s+\d+\s+\S.*")
 # by model: how many of its numbers are focal lengths, how many lens coefficients it has, in which order
 # OpenCV has them (None: 0), and whether it is a fisheye's
 _MODELS: dict[str, tuple[int, int, tuple[int | None, ...], bool]] = {
@@ -51,9 +54,9 @@ def _parse_colmap(source: Source) -> Parsed:
     """Return a camera for each image of COLMAP's model in text; its scale is arbitrary, so the unit is given.
 
     ``cameras.txt`` has ``CAMERA_ID MODEL WIDTH HEIGHT PARAMS…``; ``images.txt`` has ``IMAGE_ID QW QX QY QZ
-    TX TY TZ CAMERA_ID NAME``, world → camera, each with a line of points below. In COLMAP the first pixel's
-    centre is (0.5, 0.5): the principal point is moved by as much. Cameras are called like their images, or
-    if these have the same names, like their folders.
+    TX TY TZ CAMERA_ID NAME``, world → camera, with or without a line of points below. In COLMAP the first
+    pixel's centre is (0.5, 0.5): the principal point is moved by as much. Cameras are called like their
+    images, or if these have the same names, like their folders.
     """
     folder = _colmap_folder(source)
     if not (folder / _CAMERAS).is_file():
@@ -65,10 +68,13 @@ def _parse_colmap(source: Source) -> Parsed:
             lenses[words[0]] = Field(folder / _CAMERAS, f"line {number}", words)
     images, points_follow = [], False
     for number, line in _lines(folder / _IMAGES):
-        if points_follow:  # which may be a blank line
+        if points_follow and _POINTS.fullmatch(line):  # which may be a blank line
             points_follow = False
         elif line and not line.startswith("#"):
-            images.append(Field(folder / _IMAGES, f"line {number}", line.split(maxsplit=9)))
+            entry = Field(folder / _IMAGES, f"line {number}", line.split(maxsplit=9))
+            if points_follow and not _IMAGE.fullmatch(line):
+                raise entry.error("points (X, Y, POINT3D_ID) or the next image", line[:60])
+            images.append(entry)
             points_follow = True
     names = _image_names([_words(image, 10)[9] for image in images])
     kept = [(image, name) for image, name in zip(images, names, strict=True) if source.keeps(name)]
@@ -122,6 +128,7 @@ def _colmap_camera(image: Field, name: str, lenses: dict[str, Field]) -> RawCame
 
 
 _ENTRIES, _SMALLEST = 12, 1e-12
+_SEPARATORS = re.compile(r"[,;\[\]]")
 _MOST_TEXT = 2000  # characters of twelve numbers
 
 
@@ -135,8 +142,19 @@ def _matrix_in(path: Path) -> list[float]:
     """Return the numbers of a text; none if it is long or has anything else."""
     if path.stat().st_size <= _MOST_TEXT:
         with suppress(ValueError):
-            return [float(word) for word in re.sub(r"[,;\[\]]", " ", read_text(path)).split()]
+            return [float(word) for word in _SEPARATORS.sub(" ", read_text(path)).split()]
     return []
+
+
+def _checked_matrix(path: Path) -> list[float]:
+    """Return the twelve numbers of a text, or say in which line it has anything else."""
+    if len(numbers := _matrix_in(path)) == _ENTRIES:
+        return numbers
+    rows = [(number, _SEPARATORS.sub(" ", line).split()) for number, line in _lines(path) if line]
+    for number, words in rows:
+        _numbers(Field(path, f"line {number}", words), words)
+    actual = f"{len(rows)} with {sum(len(words) for _, words in rows)} numbers"
+    raise DatasetError(path, "content", "three lines of four numbers", actual)
 
 
 def _is_matrices(source: Source) -> bool:
@@ -145,7 +163,8 @@ def _is_matrices(source: Source) -> bool:
         shapes = {np.shape(value) if _is_rows(value) else () for value in table.values()}
         return bool(shapes) and shapes <= {(3, 4), (12,)}
     files = _matrix_texts(source)
-    return bool(files) and all(len(_matrix_in(path)) == _ENTRIES for path in files[: MOST_CAMERAS + 1])
+    looked_at = files[: MOST_CAMERAS + 1]
+    return 2 * sum(len(_matrix_in(path)) == _ENTRIES for path in looked_at) > len(looked_at)
 
 
 def _is_rows(value: Any) -> bool:
@@ -162,11 +181,12 @@ def _parse_matrices(source: Source) -> Parsed:
     into positive focal lengths and a rotation; skew is followed as with DANNCE. There is no lens.
     """
     if source.json.value is not None:
-        entries = list(source.json.members().values())
+        entries = [entry for entry in source.json.members().values() if source.keeps(entry.place)]
     else:
-        entries = [Field(path, path.stem, _matrix_in(path)) for path in _matrix_texts(source)]
+        kept = [path for path in _matrix_texts(source) if source.keeps(path.stem)]
+        entries = [Field(path, path.stem, _checked_matrix(path)) for path in kept]
     errors: dict[str, float] = {}
-    cameras = [_matrix_camera(entry, errors) for entry in entries if source.keeps(entry.place)]
+    cameras = [_matrix_camera(entry, errors) for entry in entries]
     warn_of_no_lens(source.path, [camera.name for camera in cameras])
     warn_of_fit(source.path, errors, SKEW)
     return cameras, None

@@ -21,7 +21,7 @@ from skelsplat import layouts
 from skelsplat._arrays import Array, Index
 from skelsplat._budget import check_ratio
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import csv_header, csv_lines, frame_number, whole_number
+from skelsplat.io._files import csv_header, csv_lines, doubled, frame_number, whole_number
 from skelsplat.io.detections._format import (
     DetectionFormat,
     Recording,
@@ -173,7 +173,8 @@ def _places(path: Path, header: Sequence[str], columns: Mapping[str, Sequence[st
     missing = [columns[name][0] for name in _NEEDED if name not in found]
     if missing or len(set(given)) < len(given):
         expected = f"a column {missing[0]}" if missing else "every column once"
-        raise DatasetError(path, "line 1", expected, ", ".join(header) or "an empty line")
+        actual = (None if missing else doubled(given)) or ", ".join(header) or "an empty line"
+        raise DatasetError(path, "line 1", expected, actual)
     if "confidence" not in found:
         refuse_other_names(path, "line 1", given)
     return found

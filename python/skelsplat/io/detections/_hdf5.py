@@ -90,7 +90,8 @@ def _columns(path: Path, arrays: Mapping[str, Any], name: str) -> dict[str, Arra
     there = getattr(arrays.get(name), "dtype", np.dtype("f8")).names or ()
     lacking = [column for column in _TABLES[name] if column not in there]
     if lacking:
-        expected = f"a table with the columns {', '.join(_TABLES[name])}"
+        what = "SLEAP's predictions, " * (name == "pred_points")
+        expected = f"{what}a table with the columns {', '.join(_TABLES[name])}"
         raise DatasetError(path, name, expected, ", ".join(there) or "none")
     return {column: _flat(path, f"{name}.{column}", arrays[name][column]) for column in _TABLES[name]}
 
@@ -319,7 +320,7 @@ def _format(
 
 
 FORMATS = (
-    _format("sleap_slp", ".slp", read_slp, b"pred_points", b"instance_id_start"),
+    _format("sleap_slp", ".slp", read_slp, b"instance_id_start"),
     # the camera's name is behind that of an action
     DetectionFormat("hourglass", (".h5",), _is_hourglass, each(read_hourglass), added=r"^.*\."),
     _format("ndx_pose", ".nwb", read_nwb),  # which tells of other data

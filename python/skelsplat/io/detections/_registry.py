@@ -10,7 +10,7 @@ from pathlib import Path
 from skelsplat._atomic import opening
 from skelsplat._budget import opened
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
-from skelsplat.io._files import VIDEO_SUFFIXES, head, listed
+from skelsplat.io._files import SEMICOLONS, VIDEO_SUFFIXES, csv_header, has_semicolons, head, listed
 from skelsplat.io._run_files import DETECTIONS, folders_of_run, is_run
 from skelsplat.io.detections import _animals, _arrays, _csv, _hdf5, _json, _wide
 from skelsplat.io.detections._format import DetectionFormat, View, each
@@ -101,7 +101,10 @@ def _told(path: Path) -> str:
             return f"none that is recognised: {sample.name} is {wrong}"
         if sample.suffix.lower() in (".csv", ".json"):
             begins = head(sample).partition("\n")[0][:_BEGINNING]
-            return f"none that is recognised: {sample.name} begins with {begins!r}"
+            more = (
+                f", {SEMICOLONS}" if sample.suffix != ".json" and has_semicolons(csv_header(sample)) else ""
+            )
+            return f"none that is recognised: {sample.name} begins with {begins!r}{more}"
     return seems(path) or "none that is recognised"
 
 

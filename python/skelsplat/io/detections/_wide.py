@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import csv_header, csv_lines
+from skelsplat.io._files import csv_header, csv_lines, doubled
 from skelsplat.io.detections._csv import frame_in, number_in
 from skelsplat.io.detections._format import (
     NEARLY_ALL,
@@ -22,7 +22,7 @@ from skelsplat.io.detections._format import (
     joints_of,
 )
 
-_SURE = ("likelihood", "confidence", "score", "visibility")
+_SURE = ("likelihood", "confidence", "score", "visibility", "conf", "p")
 _FRAMES = ("frame", "frame_number", "frame_idx", "frame_index", "frame_id")
 _CALISCOPE, _ANIPOSE = "img_loc", "_ncams"  # of lines of a point each, of poses
 
@@ -39,9 +39,11 @@ def read_wide(path: Path) -> View:
     joints = _joints(header)
     if not joints or len(set(header)) < len(header):
         expected = "the columns NAME_x and NAME_y for every joint, once"
-        raise DatasetError(path, "line 1", expected, ", ".join(header)[:200] or "an empty line")
+        actual = doubled(header) or ", ".join(header)[:200] or "an empty line"
+        raise DatasetError(path, "line 1", expected, actual)
     count = next((name for name in header if name.lower() in _FRAMES), None)
     there = {*header}
+    _refuse_other_names(path, joints, there)
     columns = [f"{joint}_{part}" for joint in joints for part in ("x", "y", _sure(joint, there))]
     frames: list[int] = []
     values: list[list[float]] = []
@@ -53,14 +55,15 @@ def read_wide(path: Path) -> View:
                 if count is None
                 else frame_in(path, f"line {number}, {count}", cell[count].strip())
             )
+            if frames and frame <= frames[-1]:
+                raise DatasetError(path, f"line {number}, {count}", f"a number above {frames[-1]}", frame)
             values.append(
                 [number_in(path, f"line {number}, {name}", cell.get(name, "1")) for name in columns]
             )
             frames.append(frame)
     numbers = np.array(frames, dtype=np.int64)
-    if not frames or (np.diff(numbers) <= 0).any():
-        actual = "others" if frames else "none"
-        raise DatasetError(path, count or "lines", "a line per frame, numbers ascending", actual)
+    if not frames:
+        raise DatasetError(path, count or "lines", "a line per frame, numbers ascending", "none")
     read = np.array(values).reshape(len(frames), 1, len(joints), 3)
     people = joints_of(path, "line", read[..., :2], read[..., 2], clip=True)
     # (0, 0) may be a missing one
@@ -83,6 +86,17 @@ def _joints(header: Sequence[str]) -> tuple[str, ...]:
 def _sure(joint: str, header: Collection[str]) -> str:
     """Return what follows a joint's name in the column of its confidence; the first if there is none."""
     return next((part for part in _SURE if f"{joint}_{part}" in header), _SURE[0])
+
+
+def _refuse_other_names(path: Path, joints: Sequence[str], header: Collection[str]) -> None:
+    """Raise `DatasetError` if all joints have one more column, none that is known: they would all be sure."""
+    known = any(f"{joint}_{part}" in header for joint in joints for part in _SURE)
+    first = f"{joints[0]}_"
+    endings = {name.removeprefix(first) for name in header if name.startswith(first)} - {"x", "y"}
+    odd = sorted(part for part in endings if all(f"{joint}_{part}" in header for joint in joints))
+    if odd and not known:
+        expected = f"confidences as NAME_{', NAME_'.join(_SURE)}, or none"
+        raise DatasetError(path, "line 1", expected, first + odd[0])
 
 
 def _counted(joints: Sequence[str]) -> bool:
