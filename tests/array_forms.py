@@ -182,10 +182,7 @@ CALLS: dict[str, tuple[Any, dict[str, np.ndarray]]] = {
         name: (getattr(metrics, name), {"pred": 1.01 * POSES + 30.0, "gt": POSES})
         for name in ("mpjpe", "pa_mpjpe", "missing_rate", "pck", "auc")
     },
-    "pcp": (
-        lambda pred, gt: metrics.pcp(pred, gt, [(1, 2), (2, 3)]),
-        {"pred": POSES + 90.0, "gt": POSES},
-    ),
+    "pcp": (lambda pred, gt: metrics.pcp(pred, gt, [(1, 2), (2, 3)]), {"pred": POSES + 90.0, "gt": POSES}),
     "sigma_coverage": (metrics.sigma_coverage, {"pred": START, "covariance": SPREAD, "gt": POSES[0]}),
     "fill_gaps": (lambda pose: temporal.fill_gaps(pose, 3), {"pose": POSES}),
     "butterworth": (lambda pose: temporal.butterworth(pose, 50.0), {"pose": POSES}),

@@ -83,12 +83,7 @@ def window_difference(losses: list[float], window: int) -> float | None:
 
 
 def refine(
-    gaussians: Gaussians,
-    detections: Array,
-    views: Sequence[View],
-    pairs: Pairs = (),
-    *,
-    config: PaperConfig,
+    gaussians: Gaussians, detections: Array, views: Sequence[View], pairs: Pairs = (), *, config: PaperConfig
 ) -> PaperResult:
     """Run the loop from `gaussians`; the pseudo ground truth is made once, from these."""
     images = targets(gaussians, detections, views, config.encoding)

@@ -49,10 +49,7 @@ def test_one_stands_behind_the_other_seen_from_a_camera():
 
 @pytest.mark.parametrize(
     ("arguments", "argument"),
-    [
-        ({"n_people": 0}, "n_people, n_frames"),
-        ({"meetings": ["dance"]}, "meetings"),
-    ],
+    [({"n_people": 0}, "n_people, n_frames"), ({"meetings": ["dance"]}, "meetings")],
 )
 def test_what_makes_no_crowd_is_refused(arguments, argument):
     with pytest.raises(InvalidInputError) as caught:

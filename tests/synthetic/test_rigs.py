@@ -56,10 +56,7 @@ def test_dome_cameras_sit_on_the_dome_and_look_different_ways():
 
 @pytest.mark.parametrize(
     ("call", "argument"),
-    [
-        (lambda: synthetic.dome(32), "n_views"),
-        (lambda: synthetic.dome(radius_mm=float("nan")), "radius_mm"),
-    ],
+    [(lambda: synthetic.dome(32), "n_views"), (lambda: synthetic.dome(radius_mm=float("nan")), "radius_mm")],
 )
 def test_bad_input_is_named(call, argument):
     with pytest.raises(sk.InvalidInputError) as caught:

@@ -137,10 +137,7 @@ def test_ones_own_poses_keep_their_place_and_absences():
 
 
 @pytest.mark.parametrize(
-    ("change", "argument"),
-    [
-        ({"hidden_missing": 0.7, "hidden_taken": 0.4}, "hidden_missing + hidden_taken"),
-    ],
+    ("change", "argument"), [({"hidden_missing": 0.7, "hidden_taken": 0.4}, "hidden_missing + hidden_taken")]
 )
 def test_impossible_crowding_is_refused(change, argument):
     with pytest.raises(InvalidInputError) as caught:

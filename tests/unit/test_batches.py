@@ -20,11 +20,7 @@ FPS = 10.0  # windows of 600 frames, which overlap by 30
 FRAMES = 1300
 RIG = synthetic.human36m_like()
 JOINTS = [11, 12, 13, 0, 1, 2]  # half of the left side: few, for speed
-ARM = sk.Layout(
-    "arm",
-    joints=[f"j{k}" for k in range(6)],
-    limbs=[(0, 1), (1, 2), (3, 4), (4, 5)],
-)
+ARM = sk.Layout("arm", joints=[f"j{k}" for k in range(6)], limbs=[(0, 1), (1, 2), (3, 4), (4, 5)])
 
 
 def recorded(n_frames: int = FRAMES, seed: int = 3) -> np.ndarray:

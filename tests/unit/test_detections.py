@@ -207,6 +207,8 @@ def test_nwb_states_rate_and_edges(tmp_path, people):
     found = read_detections(path, CAMERAS, layout="file")
     assert found.frame_rate == pytest.approx(30.0, rel=1e-5)
     assert (0, 1) in found.skeleton.limbs
+    with pytest.raises(sk.DatasetError, match=r"a calibration .* got detections \(ndx_pose\)"):
+        sk.io.read_calibration(path)
 
 
 @pytest.mark.filterwarnings("ignore:The layout is that")

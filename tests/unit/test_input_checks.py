@@ -109,10 +109,7 @@ REFINE = {
     "no pose": (lambda _: {"init_pose": None, "init_sigma": 30.0}, "init_sigma"),
     "paper": (lambda _: {"init_sigma": 30.0, "config": sk.RefineConfig.paper()}, "init_sigma"),
     "weights": (lambda _: {"config": sk.RefineConfig(view_weights=[1.0, 1.0])}, "config.view_weights"),
-    "sigmas": (
-        lambda _: {"config": sk.RefineConfig(joint_sigmas_mm=[30.0] * 16)},
-        "config.joint_sigmas_mm",
-    ),
+    "sigmas": (lambda _: {"config": sk.RefineConfig(joint_sigmas_mm=[30.0] * 16)}, "config.joint_sigmas_mm"),
     "config": (lambda _: {"config": {"sigma_mm": 3}}, "config"),
 }
 

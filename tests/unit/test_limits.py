@@ -58,12 +58,7 @@ def test_real_cameras_lie_inside(real):
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [
-        ("sigma_mm", 1e300),
-        ("detection_sigma_px", 1e-12),
-        ("symmetry_weight", 1e300),
-        ("n_threads", 10**9),
-    ],
+    [("sigma_mm", 1e300), ("detection_sigma_px", 1e-12), ("symmetry_weight", 1e300), ("n_threads", 10**9)],
 )
 def test_settings_outside_their_ranges(name, value):
     with pytest.raises(sk.InvalidInputError, match=rf"^config\.{name}: expected "):

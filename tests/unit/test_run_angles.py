@@ -126,10 +126,7 @@ def test_chosen_joints_choose_the_angles_at_them(with_angles, tmp_path):
         return invoke("plot", with_angles, "--only", "angles", "-o", tmp_path, "--json", "--joints", joints)
 
     names = [one["angle"] for one in json.loads(drawn("left_knee,right_elbow,head").stdout)["angles"]]
-    assert sorted(names) == [
-        "left_knee_flexion",
-        "right_elbow_flexion",
-    ]
+    assert sorted(names) == ["left_knee_flexion", "right_elbow_flexion"]
     assert len(json.loads(drawn("all").stdout)["angles"]) == NAMES
     assert_fails(drawn("head"), 1, "no angle at head")
 

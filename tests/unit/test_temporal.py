@@ -14,9 +14,7 @@ RATE = 100.0
 NAN = np.nan
 
 
-FILTERS = {
-    "butterworth": lambda pose, **given: temporal.butterworth(pose, RATE, 6.0, **given)[0],
-}
+FILTERS = {"butterworth": lambda pose, **given: temporal.butterworth(pose, RATE, 6.0, **given)[0]}
 
 
 def one_joint(values):

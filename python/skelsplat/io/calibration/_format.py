@@ -17,7 +17,7 @@ from skelsplat._fields import Field
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import load_json
 
-_BINARY = (".npz", ".npy", ".pickle", ".pkl", ".h5", ".mat", ".glb")
+_BINARY = (".npz", ".npy", ".pickle", ".pkl", ".h5", ".mat", ".slp", ".nwb", ".nc", ".c3d", ".glb")
 
 
 @dataclass(frozen=True)
