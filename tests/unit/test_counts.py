@@ -9,14 +9,14 @@ import counts
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 37_184,
-    "cli": 3_397,
+    "package": 37_221,
+    "cli": 3_400,
     "core": 19_358,
     "binding": 2_750,
     "Rust tests": 6_257,
-    "Python tests": 28_225,
+    "Python tests": 28_233,
     "benchmarks and tools": 4_511,
-    "docs, words": 42_000,
+    "docs, words": 41_912,
     "README, words": 1_436,
 }
 

@@ -112,8 +112,7 @@ def _poses(source: Path, target: Path, given: dict[str, Any]) -> tuple[str, dict
     try:
         data = convert_poses(path, target, unit=given.pop("to_unit", None), **given)
     except InvalidInputError as error:
-        option = {"unit": "to_unit", "frame_rate": "fps"}.get(error.argument, error.argument)
-        raise error.of_argument(option) from error
+        raise error.of_argument({"unit": "to_unit"}.get(error.argument, error.argument)) from error
     except DatasetError as error:
         if error.field != "frame_rate":
             raise
