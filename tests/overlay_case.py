@@ -171,3 +171,4 @@ def at(image: np.ndarray, point: np.ndarray) -> np.ndarray:
 
 def need_opencv() -> None:
     pytest.importorskip("cv2", reason="opencv-python-headless is not installed: pip install 'skelsplat[dev]'")
+    pytest.importorskip("av", reason="PyAV is not installed: pip install 'skelsplat[dev]'")
