@@ -148,7 +148,7 @@ fn what_moves_everything_together_is_no_error() {
     }
 }
 
-/// Places joints anew with cameras that have small errors, and aligns all of them.
+/// Triangulates joints again with cameras that are slightly off, and aligns all joints.
 #[test]
 fn joints_are_off_by_what_their_cameras_are_off() {
     let (cameras, errors, body) = (placed(), errors(30) * 1e-3, standing());

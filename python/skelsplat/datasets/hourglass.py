@@ -33,7 +33,7 @@ LIMBS = tuple(
     for joint in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
     for side in ("right", "left")
 )
-"""Joints of arms and legs, which the detector and the motion capture define alike."""
+"""Joints of arms and legs, which the detector and the motion capture both have."""
 
 _NAMES = {"thorax": "neck", "upper_neck": "nose", "head_top": "head"}
 _SIDES = {"r": "right", "l": "left"}

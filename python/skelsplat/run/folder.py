@@ -50,13 +50,14 @@ from skelsplat.io.run_folder import write_run_inputs
 from skelsplat.run.angles import FILES as ANGLE_FILES
 from skelsplat.run.angles import check_angles, vertical_of, world_up, write_angles
 from skelsplat.run.strides import FILE as STRIDES
-from skelsplat.run.strides import strides_of, write_strides
+from skelsplat.run.strides import strides_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     import numpy.typing as npt
 
+    from skelsplat.io.poses._pose_data import Poses
     from skelsplat.run._run import PeopleRun, Run
     from skelsplat.run.job import Job, Writing
     from skelsplat.run.parts import Gathered
@@ -74,16 +75,19 @@ _POSSIBLE = (
 _OF_OTHERS = ("plots", "overlay")
 _OPENSIM = Path(OPENSIM_FILES[0]).parent.name
 _ASSUMED_FPS = 30.0
+# animations, which turn the world and need somebody in it
+_ANIMATIONS = [kind for kind, entry in POSE_FORMATS.items() if "up" in entry.options]
 # formats that state times, which a frame rate has to be assumed for
-_MOVED = ("bvh", "glb")  # formats of which somebody has to be there
 _TIMED = [kind for kind, entry in POSE_FORMATS.items() if {"y_up", "up"} & set(entry.options)]
 
 
-def _names(writing: Writing, run: Run) -> list[str]:
+def _names(writing: Writing, run: Run, strides: str) -> list[str]:
     """Return the names of the files, but for the report; pictures need the extra viz."""
-    kinds = [kind for kind in writing.pose_formats if np.isfinite(run.poses.pose).any() or kind not in _MOVED]
-    wanted = {*(f"pose.{kind}" for kind in kinds), CAMERAS, DETECTIONS}
-    wanted |= {*ANGLE_FILES, *([STRIDES] if strides_of(run) else [])} if writing.angles else set()
+    wanted = {*(f"pose.{kind}" for kind in writing.pose_formats), CAMERAS, DETECTIONS}
+    if not np.isfinite(run.poses.pose).any():
+        wanted -= {f"pose.{kind}" for kind in _ANIMATIONS}
+    wanted |= set(ANGLE_FILES) if writing.angles else set()
+    wanted |= {STRIDES} if strides else set()
     wanted |= set(OPENSIM_FILES) if writing.opensim else set()
     wanted |= set() if layouts.is_built_in(run.layout) else {LAYOUT}
     if can_draw():
@@ -108,7 +112,7 @@ def find_in_files(writing: Writing, inputs: Inputs) -> Iterator[Finding]:
     timed = (*timed, ANGLE_FILES[-1]) if writing.angles else timed
     timed = (*timed, OPENSIM_FILES[0]) if writing.opensim else timed
     turned = ["opensim/"] if writing.opensim else []
-    turned += [f"pose.{kind}" for kind in writing.pose_formats if "up" in POSE_FORMATS[kind].options]
+    turned += [f"pose.{kind}" for kind in writing.pose_formats if kind in _ANIMATIONS]
     if (writing.angles or turned) and vertical_of(inputs.rig) is None:
         effects = ["angles of trunk and pelvis are left out"] if writing.angles else []
         effects += [f"the nearest one is y in {listed(turned)}"] if turned else []
@@ -149,7 +153,8 @@ def write_folder(
     ``name`` is that of a person in a run of several; ``tell`` is called with findings on the files.
     """
     name = name or name_of(run, gathered)
-    names = _names(writing, run)
+    strides = strides_of(run) if writing.angles else ""
+    names = _names(writing, run, strides)
     report = {**run.report, RUN: name, "files": names}
     report.pop("joint_angles", None)
     if writing.angles:
@@ -159,23 +164,14 @@ def write_folder(
     begin_writing(folder, run.report)
     whole = gathered or run
     rate, frames = run.poses.frame_rate, whole.poses.frames
-    every = {
-        "run": name,
-        "y_up": writing.y_up,
-        "marker_names": writing.marker_names,
-        "up": world_up(run.cameras),
-        "limbs": run.layout.limbs,
-    }
     with collected_warnings(tell) as notes:
-        for kind in (kind for kind in writing.pose_formats if f"pose.{kind}" in names):
-            options = {name: value for name, value in every.items() if name in POSE_FORMATS[kind].options}
-            timed = {"frame_rate": rate or _ASSUMED_FPS} if kind in _TIMED else {}
-            write_pose(folder / f"pose.{kind}", whole.poses, **options, **timed)
+        _write_poses(run, folder, writing, whole.poses)
     told = [*run.report["findings"], *(note.to_dict() for note in notes)]
     run = replace(run, findings=(*run.findings, *notes), report={**run.report, "findings": told})
     if writing.angles:
         write_angles(run, folder, _ASSUMED_FPS)
-        write_strides(run, folder)
+    if strides:
+        atomic_write_text(folder / STRIDES, strides)
     if writing.opensim:
         write_opensim(folder, run.poses, world_up(run.cameras), rate or _ASSUMED_FPS)
     write_run_inputs(folder, run.cameras, run.layout, whole.detections, frames, rate, name)
@@ -185,6 +181,21 @@ def write_folder(
         run.write_html(folder / PAGE)
     atomic_write_text(folder / REPORT, to_text(run.report))  # last: the run is whole
     return run
+
+
+def _write_poses(run: Run, folder: Path, writing: Writing, poses: Poses) -> None:
+    """Write the pose files of a run whose report names its files, of all frames."""
+    every = {
+        "run": run.report[RUN],
+        "y_up": writing.y_up,
+        "marker_names": writing.marker_names,
+        "up": world_up(run.cameras),
+        "limbs": run.layout.limbs,
+    }
+    for kind in (kind for kind in writing.pose_formats if f"pose.{kind}" in run.report["files"]):
+        options = {name: value for name, value in every.items() if name in POSE_FORMATS[kind].options}
+        timed = {"frame_rate": run.poses.frame_rate or _ASSUMED_FPS} if kind in _TIMED else {}
+        write_pose(folder / f"pose.{kind}", poses, **options, **timed)
 
 
 def write_everybody(

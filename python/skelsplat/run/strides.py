@@ -14,26 +14,15 @@ import numpy as np
 
 from skelsplat._angles import TOES
 from skelsplat._arrays import Array, median
-from skelsplat._atomic import atomic_write_text
 from skelsplat.io.poses._csv import csv_text
 from skelsplat.run.angles import vertical_of
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from skelsplat.run._run import Run
 
 FILE = "strides.csv"
-_COLUMNS = (
-    "side",
-    "first_frame",
-    "last_frame",
-    "start_s",
-    "duration_s",
-    "length_m",
-    "speed_m_s",
-    "stance_share",
-)
+_NUMBERS = ("start_s", "duration_s", "length_m", "speed_m_s", "stance_share")
+_COLUMNS = ("side", "first_frame", "last_frame", *_NUMBERS)
 _LEG = ("hip", "knee", "ankle")
 _SHORTEST, _LONGEST = 0.6, 2.0  # s
 # The foot swings against the pelvis by this part of the leg's length; the stride goes ahead, by its cosine.
@@ -109,10 +98,3 @@ def strides_of(run: Run) -> str:
         numbers = ((first - int(poses.frames[0])) / fps, duration, length, length / duration, stance)
         rows.append([one.side, first, last, *(f"{number:.3f}" for number in numbers)])
     return csv_text([_COLUMNS, *rows]) if rows else ""
-
-
-def write_strides(run: Run, folder: Path) -> None:
-    """Write `FILE` if the run has strides."""
-    text = strides_of(run)
-    if text:
-        atomic_write_text(folder / FILE, text)

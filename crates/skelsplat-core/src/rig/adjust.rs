@@ -190,8 +190,8 @@ impl Task<'_> {
         rig.freedom.iter().enumerate().filter(|(_, freedom)| freedom.any()).all(holds)
     }
 
-    /// What was free of the cameras whose clocks may be right after all: where a movement repeats
-    /// itself, clocks a period apart fit alike.
+    /// What was free of each camera with a clock that may be right after all: where a movement
+    /// repeats itself, clocks a period apart fit alike.
     fn unsure_clocks(&self, rig: &Explanation, bars: &[Bars]) -> Vec<Freedom> {
         let unsure = |(i, freedom): (usize, &Freedom)| {
             let off = (rig.cameras[i].clock - self.given[i].clock).abs();

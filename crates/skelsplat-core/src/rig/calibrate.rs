@@ -130,7 +130,7 @@ pub fn calibrate_cameras(
     })
 }
 
-/// Odds that a lens is wrong whose focal length seems to be so, in logarithms.
+/// Odds that a lens is wrong, by the logarithm of its zoom and the variance of that.
 fn wrong_lens(zoom: f64, variance: f64) -> f64 {
     let density = |sigma: f64| {
         let all = variance + sigma.powi(2);

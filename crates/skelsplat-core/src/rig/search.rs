@@ -25,7 +25,7 @@ pub(super) const LEAST: usize = 20;
 pub(super) const RAYLEIGH: f64 = 1.177_41;
 /// Least noise, pixels.
 const LEAST_PX: f64 = 0.05;
-/// A clock is off from this Wald statistic on.
+/// A clock is off, and a place in doubt, from this Wald statistic on.
 pub(super) const FAULT_WALD: f64 = 3.5;
 /// A change that was found is confirmed from this Wald statistic on where more is known.
 pub const CONFIRMED_WALD: f64 = 2.0;

@@ -10,6 +10,7 @@ import numpy as np
 from skelsplat import layouts
 from skelsplat._angles import TOES
 from skelsplat._arrays import Array
+from skelsplat._skeleton import is_person
 from skelsplat.exceptions import one_of
 from skelsplat.io.poses._pose_data import PoseData
 
@@ -96,11 +97,14 @@ def marker_names(joint_names: Sequence[str], convention: str) -> tuple[str, ...]
 
 
 def joints_of(markers: Sequence[str]) -> tuple[str, ...]:
-    """Return what markers are called as joints, those that Pose2Sim names; others keep their names."""
+    """Return what the markers of a person are called as joints, if Pose2Sim names them; else the same."""
+    if is_person(markers):
+        return tuple(markers)
     known: dict[str, str] = {}
-    for joints in (layouts.get(name).joints for name in layouts.names if layouts.get(name).human):
-        known = dict(zip(marker_names(joints, "pose2sim"), joints, strict=False)) | known
-    return tuple(known.get(name, name) for name in markers)
+    for layout in (one for one in map(layouts.get, layouts.names) if one.human):
+        known = dict(zip(marker_names(layout.joints, "pose2sim"), layout.joints, strict=False)) | known
+    joints = tuple(known.get(name, name) for name in markers)
+    return joints if is_person(joints) else tuple(markers)
 
 
 def as_markers(data: PoseData, convention: str) -> PoseData:
