@@ -6,7 +6,7 @@ use nalgebra::{DVector, Vector3};
 use super::adjust::spread;
 use super::bundle::{Lenses, PER_NOISE};
 use super::evidence::Bars;
-use super::gauge::Sureness;
+use super::gauge::{SharedZoom, Sureness};
 use super::placed::{Freedom, Placed, rebuilt};
 use super::scene::{JointMotion, Scene};
 use super::search::{Explanation, LEAST, Scope};
@@ -130,13 +130,51 @@ pub fn calibrate_cameras(
     })
 }
 
-/// Odds that a lens is wrong, by the logarithm of its zoom and the variance of that.
-fn wrong_lens(zoom: f64, variance: f64) -> f64 {
+/// Odds that a lens is wrong.
+fn wrong_lens(shared: &SharedZoom) -> f64 {
     let density = |sigma: f64| {
-        let all = variance + sigma.powi(2);
-        (-0.5 * zoom.powi(2) / all).exp() / all.sqrt()
+        let all = shared.variance + sigma.powi(2);
+        (-0.5 * shared.zoom.powi(2) / all).exp() / all.sqrt()
     };
     WRONG_LENS * density(OTHER_LENS[0]) / density(OTHER_LENS[1])
+}
+
+/// Focal lengths that may be wrong.
+struct OtherLens {
+    /// Odds of this against all being right.
+    odds: f64,
+    /// Of which cameras.
+    which: DVector<f64>,
+    shared: SharedZoom,
+}
+
+impl OtherLens {
+    /// Mean square of the logarithm of the zoom if this is so, z² + v of its posterior.
+    fn square(&self) -> f64 {
+        let prior = OTHER_LENS[0].powi(2);
+        let held = prior / (prior + self.shared.variance);
+        (held * self.shared.zoom).powi(2) + held * self.shared.variance
+    }
+}
+
+/// Adds to the errors of a rig what other lenses would change, by their probabilities p: it is off
+/// by b z with the mean square p (z² + v) b bᵀ.
+fn widen(known: &mut Sureness, lenses: &[OtherLens]) {
+    let any: f64 = 1.0 + lenses.iter().map(|lens| lens.odds).sum::<f64>();
+    for lens in lenses {
+        known.widen(&lens.shared.by, lens.odds / any * lens.square());
+    }
+}
+
+/// By which factors the focal lengths of the likeliest of these differ, if it is likelier than none.
+fn zooms(lenses: &[OtherLens], m: usize) -> Vec<f64> {
+    let likely = lenses.iter().filter(|lens| lens.odds > 1.0);
+    match likely.max_by(|a, b| a.odds.total_cmp(&b.odds)) {
+        Some(OtherLens { which, shared, .. }) => {
+            which.iter().map(|u| (u * shared.zoom).exp()).collect()
+        }
+        None => vec![1.0; m],
+    }
 }
 
 /// How well a rig fits.
@@ -208,10 +246,8 @@ impl Task<'_> {
             views.remove(k);
         }
         let rig = task.adjusted(&views, cameras, MANY, 1.0, progress)?;
-        let mut judged = task.judged(&views, &rig);
-        for (camera, zoom) in judged.cameras.iter_mut().zip(task.zooms(&views, &rig, progress)?) {
-            camera.zoom = zoom;
-        }
+        let other_lenses = task.other_lenses(&views, &rig, progress)?;
+        let judged = task.judged(&views, &rig, &other_lenses);
         Ok(RigCalibration { cameras: self.report(&views, judged.cameras), ..judged })
     }
 
@@ -224,31 +260,33 @@ impl Task<'_> {
         rig.cameras.iter().zip(&sureness.bars()).any(|(camera, bars)| shown(camera, bars))
     }
 
-    /// By which factors focal lengths that are given, or the same, differ from free ones, which two
-    /// views do not tell: those of one camera or of all, whichever is most likely, if it is more
-    /// likely than none.
-    fn zooms(&self, views: &[usize], rig: &Explanation, progress: &Progress) -> Result<Vec<f64>> {
+    /// How focal lengths that are given, or the same, may be wrong, which two views do not tell:
+    /// that of one camera, or of all.
+    fn other_lenses(
+        &self,
+        views: &[usize],
+        rig: &Explanation,
+        progress: &Progress,
+    ) -> Result<Vec<OtherLens>> {
         let m = views.len();
         let Unknown { focal, same_focal, .. } = self.unknown;
         if focal && !same_focal || m < 3 {
-            return Ok(vec![1.0; m]);
+            return Ok(Vec::new());
         }
         let unknown = Unknown { focal: true, same_focal: false, ..self.unknown };
         let task = Self { unknown, distorted: false, ..*self };
         let free = task.adjusted(views, rig.cameras.clone(), FEW, 1.0, progress)?;
-        let Some(known) = Sureness::of(&free, task.lenses()) else { return Ok(vec![1.0; m]) };
+        let Some(known) = Sureness::of(&free, task.lenses()) else { return Ok(Vec::new()) };
         let focals = |rig: &Explanation, k: usize| rig.cameras[k].camera.focal()[0];
         let zooms = DVector::from_fn(m, |k, _| (focals(&free, k) / focals(rig, k)).ln());
         let one = |k: usize| DVector::from_fn(m, |i, _| if i == k { 1.0 } else { 0.0 });
         let all = (!focal).then(|| (1.0, DVector::from_element(m, 1.0)));
         let tried = (0..m).map(|k| (1.0 / m as f64, one(k))).chain(all);
         let judged = tried.filter_map(|(part, which)| {
-            let [zoom, variance] = known.zoom(&zooms, &which)?;
-            Some((part * wrong_lens(zoom, variance), which * zoom))
+            let shared = known.zoom(&zooms, &which)?;
+            Some(OtherLens { odds: part * wrong_lens(&shared), which, shared })
         });
-        let likely = judged.filter(|(odds, _)| *odds > 1.0).max_by(|a, b| a.0.total_cmp(&b.0));
-        Ok(likely
-            .map_or_else(|| vec![1.0; m], |(_, zooms)| zooms.iter().map(|z| z.exp()).collect()))
+        Ok(judged.collect())
     }
 
     /// All cameras, also those that do not belong to the rig.
@@ -341,17 +379,23 @@ impl Task<'_> {
     }
 
     /// What each camera's detections say of the joints, and error bars.
-    fn judged(&self, views: &[usize], rig: &Explanation) -> RigCalibration {
-        let (fit, sureness) = (self.fit(views, &rig.cameras), Sureness::of(rig, self.lenses()));
+    fn judged(&self, views: &[usize], rig: &Explanation, lenses: &[OtherLens]) -> RigCalibration {
+        let fit = self.fit(views, &rig.cameras);
+        let mut sureness = Sureness::of(rig, self.lenses());
+        sureness.iter_mut().for_each(|known| widen(known, lenses));
         let unknown = || vec![Bars::UNKNOWN; views.len()];
         let bars = sureness.as_ref().map_or_else(unknown, Sureness::bars);
         let joint_sigma = sureness.map_or(f64::NAN, |known| self.joints(views, rig, &fit, &known));
-        let camera = |((placed, bars), fit): ((&Placed, &Bars), &CameraFit)| {
-            let CameraFit { distance, explained, .. } = *fit;
-            let (placed, bars) = (placed.clone(), *bars);
-            CalibratedCamera { placed, used: true, bars, distance, explained, zoom: 1.0 }
+        let zooms = zooms(lenses, views.len());
+        let camera = |k: usize| CalibratedCamera {
+            placed: rig.cameras[k].clone(),
+            used: true,
+            bars: bars[k],
+            distance: fit.of_cameras[k].distance,
+            explained: fit.of_cameras[k].explained,
+            zoom: zooms[k],
         };
-        let cameras = rig.cameras.iter().zip(&bars).zip(&fit.of_cameras).map(camera).collect();
+        let cameras = (0..views.len()).map(camera).collect();
         RigCalibration { cameras, stature: self.stature(&fit.points), joint_sigma }
     }
 

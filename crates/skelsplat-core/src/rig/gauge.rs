@@ -27,6 +27,16 @@ pub struct Sureness {
     aligned: DMatrix<f64>,
 }
 
+/// What some cameras' focal lengths have in common.
+pub struct SharedZoom {
+    /// The logarithm of it.
+    pub zoom: f64,
+    /// Its variance.
+    pub variance: f64,
+    /// How all parameters follow it.
+    pub by: DVector<f64>,
+}
+
 impl Sureness {
     /// Of a rig; `None` of cameras in one place.
     pub fn of(rig: &Explanation, lenses: Lenses) -> Option<Self> {
@@ -69,16 +79,26 @@ impl Sureness {
         (0..q / PARAMETERS).map(|i| bars(&covariance, &all, i)).collect()
     }
 
-    /// The part of logarithms of zooms that some cameras share, and its variance, if the
-    /// others' are right. With the estimates d, their covariance C and the cameras u, it is
-    /// (uᵀC⁻¹d) / (uᵀC⁻¹u), with 1 / (uᵀC⁻¹u).
-    pub fn zoom(&self, zooms: &DVector<f64>, which: &DVector<f64>) -> Option<[f64; 2]> {
-        let own =
-            |i: usize, j: usize| self.covariance[(PARAMETERS * i + ZOOM, PARAMETERS * j + ZOOM)];
-        let covariance = DMatrix::from_fn(zooms.len(), zooms.len(), own);
+    /// The part of logarithms of zooms that some cameras share if the others' are right. With the
+    /// estimates d, their covariance C and the cameras u, it is (uᵀC⁻¹d) / (uᵀC⁻¹u), with the
+    /// variance 1 / (uᵀC⁻¹u), and the parameters θ follow it by cov(θ, d) C⁻¹u.
+    pub fn zoom(&self, zooms: &DVector<f64>, which: &DVector<f64>) -> Option<SharedZoom> {
+        let own = |i: usize| PARAMETERS * i + ZOOM;
+        let (m, q) = (zooms.len(), self.covariance.nrows());
+        let covariance = DMatrix::from_fn(m, m, |i, j| self.covariance[(own(i), own(j))]);
         let weights = covariance.cholesky()?.solve(which);
         let information = weights.dot(which);
-        Some([weights.dot(zooms) / information, information.recip()])
+        let mixed = DMatrix::from_fn(q, m, |a, j| self.covariance[(a, own(j))]);
+        Some(SharedZoom {
+            zoom: weights.dot(zooms) / information,
+            variance: information.recip(),
+            by: mixed * weights,
+        })
+    }
+
+    /// Adds errors of so large a mean square in this direction of all parameters.
+    pub fn widen(&mut self, by: &DVector<f64>, square: f64) {
+        self.covariance.ger(square, by, by, 1.0);
     }
 
     /// How far joints that follow the cameras are off with all of them aligned, root mean square
