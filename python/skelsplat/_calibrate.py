@@ -336,7 +336,7 @@ def _in_world(
     up_sigma = math.nan if floor is None else floor.sigma_deg
     still = [] if max(map(movement, of_each)) >= _LEAST_MOVED else ["movement"]
     wrong = ["lenses"] if any(one.zoom != 1.0 for one in report) else []
-    wide = [] if _are_small(there, points, scale, report, joint_sigma) else ["places"]
+    wide = [] if wrong or _are_small(there, points, scale, report, joint_sigma) else ["places"]
     every = (*still, *doubts, *wrong, *wide)  # of somebody who stands still, clocks say nothing
     return RigCalibration(placed, report, scale_sigma, up_sigma, every, tuple(everyone))
 

@@ -163,6 +163,19 @@ def test_the_lens_is_found_where_it_is_unknown() -> None:
     assert [camera.distortion for camera in pinhole.cameras] == [None] * 4
 
 
+@pytest.mark.parametrize("zooms", [(1.0, 1.0, 1.08, 1.0), (0.95,) * 4])
+def test_error_bars_hold_what_a_lens_that_may_be_wrong_would_change(zooms: tuple[float, ...]) -> None:
+    given = [
+        altered(one, K=np.asarray(one.K) * [[z, 1, 1], [1, z, 1], [1, 1, 1]])
+        for one, z in zip(RIG, zooms, strict=True)
+    ]
+    found = sk.calibrate_cameras(walk(), given, layout=LAYOUT)
+    turns, places, *_ = off(found)
+    assert (turns <= [3 * one.turn_sigma for one in found.report]).all()
+    assert (places <= [3 * one.place_sigma for one in found.report]).all()
+    assert max(places) > 3 * max(one.place_sigma for one in known().report)
+
+
 def test_lenses_of_other_images_are_doubted() -> None:
     def given(*factors: float) -> sk.RigCalibration:
         lenses = [

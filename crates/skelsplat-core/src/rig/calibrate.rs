@@ -6,7 +6,8 @@ use nalgebra::{DVector, Vector3};
 use super::adjust::spread;
 use super::bundle::{Lenses, PER_NOISE};
 use super::evidence::Bars;
-use super::gauge::{SharedZoom, Sureness};
+use super::gauge::Sureness;
+use super::lenses::{OtherLens, widen, zooms};
 use super::placed::{Freedom, Placed, rebuilt};
 use super::scene::{JointMotion, Scene};
 use super::search::{Explanation, LEAST, Scope};
@@ -42,12 +43,6 @@ const WITHIN: f64 = 4.0;
 const SHOWN: f64 = 4.0;
 /// and by this many frames: less costs little.
 const LEAST_CLOCK: f64 = 0.5;
-/// The probability that the lens of one camera, or of all, is not the one that was given,
-const WRONG_LENS: f64 = 0.05;
-/// and the standard deviation of the logarithm of its focal length if it is, and if it is not:
-/// another zoom, and another focus.
-const OTHER_LENS: [f64; 2] = [0.1, 0.01];
-
 /// What is unknown besides the cameras' places.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Unknown {
@@ -128,53 +123,6 @@ pub fn calibrate_cameras(
         let distorted = config.undistort;
         Task { given: &given, frames: &used, layout, unknown, distorted }.solve(&start, progress)
     })
-}
-
-/// Odds that a lens is wrong.
-fn wrong_lens(shared: &SharedZoom) -> f64 {
-    let density = |sigma: f64| {
-        let all = shared.variance + sigma.powi(2);
-        (-0.5 * shared.zoom.powi(2) / all).exp() / all.sqrt()
-    };
-    WRONG_LENS * density(OTHER_LENS[0]) / density(OTHER_LENS[1])
-}
-
-/// Focal lengths that may be wrong.
-struct OtherLens {
-    /// Odds of this against all being right.
-    odds: f64,
-    /// Of which cameras.
-    which: DVector<f64>,
-    shared: SharedZoom,
-}
-
-impl OtherLens {
-    /// Mean square of the logarithm of the zoom if this is so, z² + v of its posterior.
-    fn square(&self) -> f64 {
-        let prior = OTHER_LENS[0].powi(2);
-        let held = prior / (prior + self.shared.variance);
-        (held * self.shared.zoom).powi(2) + held * self.shared.variance
-    }
-}
-
-/// Adds to the errors of a rig what other lenses would change, by their probabilities p: it is off
-/// by b z with the mean square p (z² + v) b bᵀ.
-fn widen(known: &mut Sureness, lenses: &[OtherLens]) {
-    let any: f64 = 1.0 + lenses.iter().map(|lens| lens.odds).sum::<f64>();
-    for lens in lenses {
-        known.widen(&lens.shared.by, lens.odds / any * lens.square());
-    }
-}
-
-/// By which factors the focal lengths of the likeliest of these differ, if it is likelier than none.
-fn zooms(lenses: &[OtherLens], m: usize) -> Vec<f64> {
-    let likely = lenses.iter().filter(|lens| lens.odds > 1.0);
-    match likely.max_by(|a, b| a.odds.total_cmp(&b.odds)) {
-        Some(OtherLens { which, shared, .. }) => {
-            which.iter().map(|u| (u * shared.zoom).exp()).collect()
-        }
-        None => vec![1.0; m],
-    }
 }
 
 /// How well a rig fits.
@@ -260,8 +208,7 @@ impl Task<'_> {
         rig.cameras.iter().zip(&sureness.bars()).any(|(camera, bars)| shown(camera, bars))
     }
 
-    /// How focal lengths that are given, or the same, may be wrong, which two views do not tell:
-    /// that of one camera, or of all.
+    /// How focal lengths that are given, or the same, may be wrong: that of one camera, or of all.
     fn other_lenses(
         &self,
         views: &[usize],
@@ -270,7 +217,7 @@ impl Task<'_> {
     ) -> Result<Vec<OtherLens>> {
         let m = views.len();
         let Unknown { focal, same_focal, .. } = self.unknown;
-        if focal && !same_focal || m < 3 {
+        if focal && !same_focal {
             return Ok(Vec::new());
         }
         let unknown = Unknown { focal: true, same_focal: false, ..self.unknown };
@@ -284,7 +231,7 @@ impl Task<'_> {
         let tried = (0..m).map(|k| (1.0 / m as f64, one(k))).chain(all);
         let judged = tried.filter_map(|(part, which)| {
             let shared = known.zoom(&zooms, &which)?;
-            Some(OtherLens { odds: part * wrong_lens(&shared), which, shared })
+            Some(OtherLens::new(part, which, shared))
         });
         Ok(judged.collect())
     }
