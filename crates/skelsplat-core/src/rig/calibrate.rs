@@ -209,6 +209,7 @@ impl Task<'_> {
     }
 
     /// How focal lengths that are given, or the same, may be wrong: that of one camera, or of all.
+    /// Two views would take a detector's lasting errors for another lens.
     fn other_lenses(
         &self,
         views: &[usize],
@@ -217,7 +218,7 @@ impl Task<'_> {
     ) -> Result<Vec<OtherLens>> {
         let m = views.len();
         let Unknown { focal, same_focal, .. } = self.unknown;
-        if focal && !same_focal {
+        if focal && !same_focal || m < 3 {
             return Ok(Vec::new());
         }
         let unknown = Unknown { focal: true, same_focal: false, ..self.unknown };

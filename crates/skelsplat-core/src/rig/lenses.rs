@@ -53,9 +53,9 @@ pub(super) fn widen(known: &mut Sureness, lenses: &[OtherLens]) {
 }
 
 /// By which factors the focal lengths of the likeliest of these differ, if it is likelier than
-/// none; two views would take a detector's lasting errors for another lens.
+/// none.
 pub(super) fn zooms(lenses: &[OtherLens], m: usize) -> Vec<f64> {
-    let likely = lenses.iter().filter(|lens| m > 2 && lens.odds > 1.0);
+    let likely = lenses.iter().filter(|lens| lens.odds > 1.0);
     match likely.max_by(|a, b| a.odds.total_cmp(&b.odds)) {
         Some(OtherLens { which, shared, .. }) => {
             which.iter().map(|u| (u * shared.zoom).exp()).collect()
