@@ -69,7 +69,7 @@ def bias(*, folder: Path, every: int = 32) -> Table:
 
     distance: √3 times the standard deviation per axis that makes 2 σ cover 73.9 % of the errors; offset: of
     the mean error of each person's joint in the frame of the body: its length, and its parts. MVOR: the
-    distance there, with OpenPose and the labels' variance added to the scatter.
+    distance there, with OpenPose and the labels' variance added to the scatter, and the offset over all.
     """
     data = datasets.read("human36m-hourglass", folder, subjects=TRAINING)
     error, scatter, body, people = [], [], [], []
@@ -102,12 +102,17 @@ def bias(*, folder: Path, every: int = 32) -> Table:
         }
     real = mvor()
     found = real.refined(config=ONE_THREAD)
-    labels = LABEL_SIGMA_MM**2 * np.eye(3)
+    labels, joints = LABEL_SIGMA_MM**2 * np.eye(3), sk.layouts.COCO17.joints
+    shoulders = real.judged[:, np.char.endswith(joints, "shoulder")]
+    whole = np.concatenate([real.judged, shoulders.mean(axis=1, keepdims=True)], axis=1)
+    turned = in_body(found.pose - real.judged, whole, sk.layouts.from_names("coco18", (*joints, "neck")))
+    turned[..., 0] *= np.where(np.char.startswith(joints, "right"), -1.0, 1.0)
     for kind in CLASSES:
-        chosen = np.char.endswith(sk.layouts.COCO17.joints, kind)
+        chosen = np.char.endswith(joints, kind)
         missed = (found.pose - real.judged)[:, chosen]
         if np.isfinite(missed).any():
             rows[kind]["MVOR"] = _distance(missed, found.uncertainty[:, chosen] + labels)
+            rows[kind]["MVOR offset"] = float(np.linalg.norm(offsets(turned[:, chosen].reshape(-1, 1, 3))))
     return Table.of("Human3.6M, real: joints of the detector against the motion capture, mm", "joint", rows)
 
 

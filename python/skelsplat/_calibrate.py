@@ -283,7 +283,7 @@ def _most_lag(clock: bool, fps: float | None) -> int:
     if fps is not None:
         positive("fps", fps)
     elif clock:
-        raise InvalidInputError("fps: expected the frame rate to find clocks, got None")
+        raise InvalidInputError("fps: expected the frame rate to find clocks, got none")
     return round(_MOST_LAG_S * fps) if clock and fps is not None else 0
 
 

@@ -284,7 +284,7 @@ class Refiner:
         if not isinstance(lag, int | np.integer) or lag < 0:
             raise InvalidInputError(f"lag: expected a whole number of at least 0, got {lag!r}")
         if lag and fps is None:
-            raise InvalidInputError("lag: expected fps as well, got none")
+            raise InvalidInputError("lag: expected fps= as well, got none")
         self._cameras, self._layout = cameras, layout
         self._prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
         self._live: _skelsplat.Live | None = None

@@ -62,13 +62,14 @@ class Part:
     """One joint of a skeleton, which carries the bones to its children.
 
     Of alternatives for where it begins, ``at``, and for its ``ways``, the first is taken whose joints are
-    there; without a way, it turns with its parent.
+    there; without a way, it turns with its parent. One that is ``free`` moves against its parent.
     """
 
     name: str
     parent: str | None
     at: tuple[Names, ...]
     ways: tuple[Way, ...] = ()
+    free: bool = False
 
     def of(self, joints: Set[str]) -> Part:
         """Return the part with what these joints allow; nowhere if they do not have it."""
@@ -82,7 +83,7 @@ class Skeleton:
     """Parts, parents first, and where each begins in the rest pose, seen from its parent.
 
     ``parents`` (K,) are places in ``names``, −1 of the root; ``offsets`` (K, 3) have y up, in the unit of the
-    poses, and are 0 at the root.
+    poses, and are 0 of parts that are free, as the root is.
     """
 
     names: tuple[str, ...]
@@ -97,19 +98,20 @@ class Skeleton:
     def tips(self) -> dict[int, Array]:
         """Ends (3,) of the parts without children, which no joint shows: a third of the bone before."""
         ends = [k for k in range(len(self.names)) if not self.children(k)]
-        return {k: self.offsets[k] / 3.0 for k in ends}
+        usual = np.array(_UP) * np.linalg.norm(self.offsets, axis=1).mean()  # of parts that are free
+        return {k: (self.offsets[k] if self.offsets[k].any() else usual) / 3.0 for k in ends}
 
 
 @dataclass(frozen=True)
 class Animation:
     """A skeleton that moves: y is up.
 
-    ``root`` (T, 3) is the place of its root and ``turns`` (T, K, 3, 3) are the rotations of its parts against
-    their parents', from the rest pose.
+    ``moves`` (T, 3) are the places of its root, 0, and of other free parts as seen from their parents, and
+    ``turns`` (T, K, 3, 3) the rotations of all parts against their parents', from the rest pose.
     """
 
     skeleton: Skeleton
-    root: Array
+    moves: dict[int, Array]
     turns: Array
     frame_rate: float
 
@@ -119,9 +121,10 @@ class Animation:
         places, turns = np.empty(self.turns.shape[:-1]), self.turns.copy()
         for k, parent in enumerate(self.skeleton.parents):
             if parent < 0:
-                places[:, k] = self.root
+                places[:, k] = self.moves[k]
                 continue
-            places[:, k] = places[:, parent] + turns[:, parent] @ self.skeleton.offsets[k]
+            way = self.moves.get(k, self.skeleton.offsets[k])
+            places[:, k] = places[:, parent] + (turns[:, parent] @ way[..., None])[..., 0]
             turns[:, k] = turns[:, parent] @ turns[:, k]
         return places
 
@@ -204,17 +207,21 @@ def _turned(parts: Sequence[Part], seen: _Seen, frame_rate: float) -> tuple[Anim
     parents = np.array([-1 if part.parent is None else order[part.parent] for part in parts])
     begins, offsets = np.empty(there.shape), np.zeros((len(parts), 3))
     turns, whole = np.empty((2, *there.shape, 3))  # against the parent, and the world
+    moves = {0: there[:, 0]}
     for k, (part, parent) in enumerate(zip(parts, parents, strict=True)):
         above = np.broadcast_to(np.eye(3), whole[:, 0].shape) if parent < 0 else whole[:, parent]
         begins[:, k] = there[:, k]
         if parent >= 0:
-            apart = there[:, k] - begins[:, parent]
-            offsets[k] = np.median(np.einsum("tji,tj->ti", above, apart), axis=0)
-            begins[:, k] = begins[:, parent] + above @ offsets[k]
+            apart = np.einsum("tji,tj->ti", above, there[:, k] - begins[:, parent])
+            if part.free:
+                moves[k] = apart
+            else:
+                offsets[k] = np.median(apart, axis=0)
+                begins[:, k] = begins[:, parent] + above @ offsets[k]
         whole[:, k] = _turn(part, begins[:, k], above, seen)
         turns[:, k] = above.swapaxes(-1, -2) @ whole[:, k]
     skeleton = Skeleton(tuple(order), parents, offsets)
-    return Animation(skeleton, there[:, 0], turns, frame_rate), there
+    return Animation(skeleton, moves, turns, frame_rate), there
 
 
 def _turn(part: Part, begin: Array, above: Array, seen: _Seen) -> Array:
@@ -262,7 +269,8 @@ def _tree(points: Array, joints: Sequence[str], bones: Sequence[tuple[int, int]]
     rest = points[int(unusual.argmin())]
     for joint, parent, children in _branches(len(joints), bones):
         name, above = joints[joint], None if parent is None else joints[parent]
-        yield Part(name, above, ((name,),), _pointing(rest, joints, joint, children))
+        free = not {(joint, parent), (parent, joint)} & {*bones}
+        yield Part(name, above, ((name,),), _pointing(rest, joints, joint, children), free)
 
 
 def _branches(count: int, bones: Sequence[tuple[int, int]]) -> Iterator[tuple[int, int | None, list[int]]]:

@@ -232,7 +232,7 @@ def test_check_cameras_ends_with_the_command_that_corrects_them(room, tmp_path, 
     wanted = shlex.join(["skelsplat", "refine", *map(str, command[1:])])
     assert refined == f"  {wanted} --adjust-cameras -o out"
     assert introduction == "To measure this, and correct what is sure in a new calibration file:"
-    assert "Try --adjust-cameras." in result.stdout
+    assert "Try skelsplat refine --adjust-cameras." in result.stdout
     words = shlex.split(line)
     assert words[:2] == ["skelsplat", "adjust-cameras"]
     assert words[-6:] == ["--offset", "cam1=0", "--without", "cam4", "-o", "fixed.toml"]

@@ -15,7 +15,7 @@ import pytest
 from skelsplat import layouts, synthetic
 from skelsplat.cameras import matrix_from_vector
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.findings import FindingWarning
+from skelsplat.findings import FindingWarning, collected_warnings
 from skelsplat.io import PoseData, read_pose, write_pose
 from skelsplat.io.poses import convert_poses
 
@@ -51,7 +51,7 @@ def turn(axis, degrees):
 def read_bvh(path):
     """Return by joint its places (T, 3) and rotations against the parent, and the time of a frame."""
     tree, motion = path.read_text().split("MOTION")
-    parents, offsets, stack, name = {}, {}, [], None
+    parents, offsets, stack, name, free = {}, {}, [], None, set()
     for line in map(str.split, tree.splitlines()):
         if line and line[0] in ("ROOT", "JOINT"):
             name = line[1]
@@ -66,19 +66,28 @@ def read_bvh(path):
             offsets[stack[-1]] = np.array(line[1:], dtype=float)
         elif line[:1] == ["CHANNELS"]:
             assert line[-3:] == ["Zrotation", "Xrotation", "Yrotation"]
+            free |= {stack[-1]} if line[1] == "6" else set()
     frames, time, *rows = motion.strip().splitlines()
     values = np.array([row.split() for row in rows], dtype=float)
     assert int(frames.split()[1]) == len(values)
-    assert np.abs(np.diff(values[:, 3:], axis=0)).max() < 180.0
     places, world, own = {}, {}, {}
-    for k, (joint, parent) in enumerate(parents.items()):
-        z, x, y = values[:, 3 + 3 * k : 6 + 3 * k].T
+    columns = iter(values.T)
+    for joint, parent in parents.items():
+        move = (
+            np.stack([next(columns) for _ in range(3)], axis=1)
+            if joint in free
+            else np.zeros((len(values), 3))
+        )
+        z, x, y = angles = np.stack([next(columns) for _ in range(3)])
+        assert np.abs(np.diff(angles)).max() < 180.0
         own[joint] = turn(2, z) @ turn(0, x) @ turn(1, y)
         if parent is None:
-            places[joint], world[joint] = values[:, :3], own[joint]
+            places[joint], world[joint] = move, own[joint]
         else:
-            places[joint] = places[parent] + world[parent] @ offsets[joint]
+            shift = np.einsum("tij,tj->ti", world[parent], move + offsets[joint])
+            places[joint] = places[parent] + shift
             world[joint] = world[parent] @ own[joint]
+    assert next(columns, None) is None
     return places, own, offsets, float(time.split()[2])
 
 
@@ -278,6 +287,23 @@ def test_animals_and_hands_have_their_joints(tmp_path, layout):
         np.testing.assert_allclose(places[joint], upright(pose, joint, layout), atol=0.05)
 
 
+@WITH_GLB
+def test_pieces_that_no_bone_connects_move_by_themselves(tmp_path):
+    joints, rng = layouts.get("fly38").joints, np.random.default_rng(4)
+    # six legs, the stripes of both sides, and the antennae
+    piece = ["_antenna" if "antenna" in joint else joint.rpartition("_")[0] for joint in joints]
+    moves = {of: rng.normal(0, 100, (1, 3)) * np.linspace(0, 1, T)[:, None] for of in piece}
+    body = rng.normal(0, 100, (len(joints), 3))
+    pose = np.stack([place + moves[of] for place, of in zip(body, piece, strict=True)], axis=1)
+    for kind, options in (("bvh", {"unit": "mm"}), ("glb", {})):
+        write_pose(tmp_path / f"fly.{kind}", walk(pose, "fly38"), frame_rate=FPS, **options)
+    places, *_ = read_bvh(tmp_path / "fly.bvh")
+    in_metres, _ = read_glb(tmp_path / "fly.glb")
+    for joint in joints:
+        np.testing.assert_allclose(places[joint], upright(pose, joint, "fly38"), atol=0.05)
+        np.testing.assert_allclose(1000 * in_metres[joint], places[joint], atol=0.05)
+
+
 @pytest.mark.parametrize("layout", ["coco17", "body25", "halpe26", "mediapipe33", "wholebody133"])
 def test_people_of_other_layouts_have_what_these_have(tmp_path, layout):
     joints = layouts.get(layout).joints
@@ -312,6 +338,17 @@ def test_marker_files_become_animations_the_right_way_up(tmp_path):
     places, *_ = read_bvh(tmp_path / "walk.bvh")
     for part, joint in JOINTS.items():
         np.testing.assert_allclose(10 * places[part][:, 1], upright(walk().pose, joint)[:, 1], atol=1.0)
+
+
+@pytest.mark.parametrize("source", ["walk.npz", "walk.trc"])
+def test_animations_have_y_up_whether_it_is_asked_for_or_not(tmp_path, source):
+    options = {"frame_rate": FPS, "y_up": True} if source.endswith("trc") else {}
+    write_pose(tmp_path / source, walk(), **options)
+    with collected_warnings() as found:
+        for name, y_up in (("plain", False), ("up", True)):
+            convert_poses(tmp_path / source, tmp_path / f"{name}.bvh", y_up=y_up, fps=FPS)
+    assert "warning" not in [one.severity for one in found if one.kind == "axes_turned"]
+    assert (tmp_path / "plain.bvh").read_bytes() == (tmp_path / "up.bvh").read_bytes()
 
 
 def test_what_constant_bones_cost_is_said(tmp_path):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import FAST, READ, RESULTS, assert_fails, invoke
+from command_line import FAST, READ, RESULTS, ROOT, assert_fails, commands, invoke
 from skelsplat.io import PoseData, read_npz, read_run, write_npz, write_pose
 from skelsplat.run import engine
 from skelsplat.run import folder as run_folder
@@ -198,3 +198,28 @@ def test_a_failure_leaves_an_output_folder_as_it_was(recording, arguments):
     (folder / "results" / "notes.txt").write_text("mine")
     assert invoke(*arguments, *READ, "-o", nested).exit_code == 1
     assert [path.name for path in (folder / "results").iterdir()] == ["notes.txt"]
+
+
+@pytest.mark.parametrize(
+    ("said", "typed"),
+    [
+        ("one format (format=)", "one format (--format)"),
+        ('; layout="file" takes', "; --layout file takes"),
+        ("without= leaves out", "--without leaves out"),
+        ('(person="cam1:9,9")', "(--person cam1:9,9)"),
+        ("(people=2)", "(--people 2)"),
+        ('mapping={"nose": "NAME"}, or', "--map nose=NAME, or"),
+        ('mapping={"left knee": None} does', "--map 'left knee=none' does"),
+        ('colour="red" in layout=x/pose.json', 'colour="red" in layout=x/pose.json'),
+    ],
+)
+def test_keywords_in_a_sentence_are_typed_as_options(said: str, typed: str) -> None:
+    refine = dict(commands(ROOT))[("refine",)]
+    assert refine.worded(said) == typed
+
+
+@pytest.mark.parametrize(("value", "got"), [("-1", "got -1"), ("x", "got x")])
+def test_a_number_out_of_range_is_named(value: str, got: str) -> None:
+    error = invoke("live", "Calib.toml", "--layout", "coco17", "--lag", value).stderr
+    assert error.startswith("error: --lag: expected ")
+    assert got in error or f"'{value}'" in error  # as older versions of click say it

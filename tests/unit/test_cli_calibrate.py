@@ -192,7 +192,7 @@ def test_a_recording_that_does_not_tell_is_refused_with_what_to_film(room, tmp_p
             "zero.toml: K of camera 'cam1': expected positive focal lengths",
         ),
         ("two", ["--intrinsics", "lenses.toml"], 1, "none for cam3, cam4"),
-        ("late", ["--size", SIZE, "--clock"], 2, "--fps: expected the frame rate to find clocks, got None"),
+        ("late", ["--size", SIZE, "--clock"], 2, "--fps: expected the frame rate to find clocks, got none"),
         ("late", ["--size", SIZE, "--order", "sorted"], 2, "--order: expected none without intrinsics"),
         ("late", ["--intrinsics", "lenses.toml", "--same-cameras"], 2, "--same-cameras: expected none with"),
         ("late", ["--size", SIZE, "--subject", "S1"], 2, "--subject: requires --intrinsics"),

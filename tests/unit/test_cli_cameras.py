@@ -124,7 +124,7 @@ def test_frames_that_differ_need_more_than_an_offset(room, tmp_path):
     assert given == ["--offset", "cam3=-3", "--frames", "intersection"]
     refined_px(room, "short", tmp_path / "out", *given)
     refused = ("refine", room / "Calib.toml", room / "short", "-o", tmp_path / "x", "--layout", "h36m17")
-    assert_fails(invoke(*refused, *given[:2]), 1, "frames", 'frames="intersection"')
+    assert_fails(invoke(*refused, *given[:2]), 1, "frames", "--frames intersection")
 
 
 def test_the_offset_of_the_table_is_the_one_to_give(room):

@@ -68,7 +68,7 @@ def test_format_order_and_map(recording, take, expected):
     path = written(folder, "deeplabcut_csv", Take(take.people, names, joints))
     files = [next(path.glob(f"{name}DLC*.csv")).name for name in names]
     options = ["--format", "DeepLabCut_csv", "--order", ", ".join(files), "--map", "pelvis=root"]
-    assert "; --map pelvis=NAME assigns it; none" in " ".join(
+    assert "; --map pelvis=NAME assigns it, --map pelvis=none " in " ".join(
         refine(folder, path, *options[:4]).output.split()
     )
     result = refine(folder, path, *options)

@@ -16,10 +16,10 @@ from rich.table import Column, Table
 from command_line import ROOT, commands, invoke
 from skelsplat import synthetic
 from skelsplat._json import plain
-from skelsplat.cli.output import print_message, quieter, tell
+from skelsplat.cli.output import options, print_message, quieter, tell
 from skelsplat.cli.table import print_table
 from skelsplat.datasets.synthetic import write_simulated
-from skelsplat.findings import Finding
+from skelsplat.findings import Finding, Remedy
 from sweeps import swept
 
 COMMANDS = {path: {opt for own in command.params for opt in own.opts} for path, command in commands(ROOT)}
@@ -177,3 +177,23 @@ def test_a_finding_begins_with_its_severity(capsys):
     tell(finding, "person 1: ")
     said = ["error: words"] * 2 + ["warning: words"] * 2 + ["note: words", "note: person 1: words"]
     assert capsys.readouterr().err.splitlines() == said
+
+
+@pytest.mark.parametrize(
+    ("command", "remedy", "words"),
+    [
+        ("refine", Remedy("adjust_cameras"), "--adjust-cameras"),
+        ("check-cameras", Remedy("adjust_cameras"), "skelsplat refine --adjust-cameras"),
+        ("check-cameras", Remedy("without", "c"), "--without c"),
+        ("adjust-cameras", Remedy("move", "NAME"), "--move NAME"),
+        ("refine", Remedy("move", "NAME"), "skelsplat adjust-cameras --move NAME"),
+    ],
+)
+def test_a_remedy_that_another_command_has_names_it(command, remedy, words, capsys):
+    own = frozenset(option for param in dict(commands(ROOT))[(command,)].params for option in param.opts)
+    running = options.set(own)
+    try:
+        tell(Finding("found", remedy=(remedy,), sentence="Something is wrong."))
+    finally:
+        options.reset(running)
+    assert capsys.readouterr().err == f"warning: Something is wrong. Try {words}.\n"

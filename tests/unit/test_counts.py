@@ -9,14 +9,14 @@ import counts
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 37_218,
-    "cli": 3_400,
+    "package": 37_356,
+    "cli": 3_432,
     "core": 19_358,
     "binding": 2_750,
     "Rust tests": 6_257,
-    "Python tests": 28_234,
-    "benchmarks and tools": 4_511,
-    "docs, words": 41_928,
+    "Python tests": 28_396,
+    "benchmarks and tools": 4_530,
+    "docs, words": 41_995,
     "README, words": 1_435,
 }
 

@@ -9,6 +9,7 @@ import skelsplat as sk
 from broken_detections import NAMES, anybody, write_case
 from detection_cases import CASES
 from detection_files import Take, hourglass, slp_file
+from skelsplat.findings import collected_warnings
 from skelsplat.io import read_detections
 
 T = 4
@@ -150,6 +151,19 @@ def test_a_wide_csv_of_mediapipe_has_parts_of_the_image_and_places(tmp_path):
     np.testing.assert_array_equal(found.people[:, :, 0], values[..., [0, 1, 3]] * [1920, 1080, 1])
     with pytest.raises(sk.DatasetError, match="keypoints: expected pixels"):
         read_detections(tmp_path, rig.names)
+
+
+def test_joints_of_a_wide_csv_without_the_confidence_that_others_have_are_named(tmp_path):
+    joints = sk.layouts.get("h36m17").joints
+    parts = [f"{joint}_{part}" for joint in joints for part in ("x", "y", "likelihood")]
+    parts.remove(f"{joints[3]}_likelihood")
+    line = ",".join("0.5" if part.endswith("likelihood") else "700" for part in parts)
+    for name in NAMES:
+        (tmp_path / f"{name}.csv").write_text(f"{','.join(parts)}\n{line}\n")
+    with collected_warnings() as told:
+        found = read_detections(tmp_path, NAMES, layout="h36m17")
+    assert {(one.kind, one.subject.joints) for one in told} == {("confidence_lacking", joints[3:4])}
+    np.testing.assert_array_equal(found.people[0, 0, 0, 2:5, 2], [0.5, 1.0, 0.5])
 
 
 def test_a_wide_csv_of_pixels_with_many_zeros_is_none_of_parts(tmp_path):

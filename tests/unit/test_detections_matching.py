@@ -170,6 +170,17 @@ def test_one_person_without_an_axis_of_people(tmp_path):
     np.savez(tmp_path / "all.npz", detections=MAIN[:, :, 0], camera_names=NAMES)
     found = read_detections(tmp_path / "all.npz", NAMES, layout=H36M)
     np.testing.assert_array_equal(found.people, MAIN[:, :, :1])
+    inside = read_detections(tmp_path, NAMES, layout=H36M)  # the only file of a folder
+    np.testing.assert_array_equal(inside.people, found.people)
+    assert inside.sources == found.sources
+
+
+def test_the_only_file_of_a_folder_is_that_of_one_camera_unless_it_names_several(tmp_path):
+    np.savez(tmp_path / f"{NAMES[0]}.npz", detections=MAIN[:, 0])
+    found = read_detections(tmp_path, NAMES[:1], layout=H36M)
+    np.testing.assert_array_equal(found.people, MAIN[:, :1])
+    with pytest.raises(sk.DatasetError, match=f"none for {NAMES[1]}"):
+        read_detections(tmp_path, NAMES, layout=H36M)
 
 
 def test_deeplabcut_without_likelihood_is_sure(tmp_path):

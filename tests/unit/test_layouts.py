@@ -148,6 +148,16 @@ def test_an_unknown_layout_is_an_error_with_the_nearest_name(tmp_path):
         (["frontleft_paw", "hindright", "hindleft", "frontright_paw"], ((0, 3), (2, 1))),
         (["FL", "FR", "RL", "RR", "HL_paw", "HR_paw"], ((0, 1), (2, 3), (4, 5))),
         (["lf_paw", "rf_paw", "paw1LH", "paw1RH"], ((0, 1), (2, 3))),
+        (["RRpaw", "LRpaw", "RFpaw", "LFpaw"], ((1, 0), (3, 2))),
+        (["paw_RR", "paw_RL", "paw_FR", "paw_FL"], ((1, 0), (3, 2))),
+        (["R_F_paw", "L_F_paw", "R_B_paw", "L_B_paw"], ((1, 0), (3, 2))),
+        (["frontleftpaw", "backrightpaw", "frontrightpaw", "backleftpaw"], ((0, 2), (3, 1))),
+        (["lfpaw", "rfpaw", "lhpaw", "rhpaw"], ((0, 1), (2, 3))),
+        (["flpaw", "frpaw", "pawhl", "hlpaw", "hrpaw", "pawhr"], ((0, 1), (3, 4))),  # one pair ends so
+        (["LASI", "RASI", "SACR", "LPSI", "RPSI"], ((0, 1), (3, 4))),
+        (["nose", "eyel", "eyer", "earl", "earr", "tail"], ((1, 2), (3, 4))),
+        (["lip", "rip", "tail", "rump"], ()),  # a pair by chance
+        (["FL", "FR", "LF", "RF"], ()),
         (["bright", "blue"], ()),
         (["paw_l_1", "paw_r_1", "paw_l_2", "paw_r_2"], ((0, 1), (2, 3))),
         (["hip_left", "left_hip", "right_hip"], ()),  # which of the two?

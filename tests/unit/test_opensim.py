@@ -71,6 +71,15 @@ def test_without_scatter_the_weights_are_those_of_pose2sim(tmp_path):
     assert weights_of(tmp_path) == pytest.approx(IK_SETUPS["BLAZEPOSE"].weights, abs=1e-4)
 
 
+def test_the_recipe_names_the_packages_that_it_needs(tmp_path):
+    write_opensim(tmp_path, poses_of(), Z_UP)
+    command = [sys.executable, "-S", OPENSIM_FILES[2]]  # without installed packages
+    found = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert found.returncode == 1
+    assert found.stderr.count("\n") == 1
+    assert "pip install opensim pose2sim" in found.stderr
+
+
 def test_what_is_never_seen_is_left_out(tmp_path):
     data = poses_of("body25")
     data.pose[:, data.joint_names.index("left_heel")] = np.nan

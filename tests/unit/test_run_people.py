@@ -149,7 +149,7 @@ def test_a_later_run_removes_what_an_earlier_one_wrote(recording, tmp_path):
     [
         (["--people", "some"], ["--people: expected all or a number of at least 1, got 'some'"]),
         (["--people", "0"], ["--people: expected all or a number of at least 1, got '0'"]),
-        (["--people", "all", "--person", "1"], ["--person: cannot be combined with people"]),
+        (["--people", "all", "--person", "1"], ["--person: cannot be combined with --people"]),
         (["--person", "entry:5"], ["--person: expected less than 2 (no file has more people), got entry:5"]),
         (["--person", "5"], ["--person: expected one of 0, 1 (the people found), got 5"]),
         (["--person", "cam9:3,4"], ["--person: expected a camera, one of", "got 'cam9'"]),

@@ -58,15 +58,31 @@ def test_other_motions_have_no_strides():
     assert find_strides(np.zeros((90, 3, 3)), ("left_hip", "left_knee", "left_ankle"), UP, FPS) == []
 
 
+def refined(folder, pose, *options):
+    """Refine detections of a pose with --angles and return the report."""
+    rig = synthetic.ring(4)
+    write_calibration(folder / "Calib.toml", rig)
+    for name, seen in zip(rig.names, sk.project(pose, rig), strict=True):
+        np.savez(folder / f"{name}.npz", detections=seen[:, None], frames=np.arange(len(pose)) + 100)
+    command = ["refine", folder / "Calib.toml", folder, *READ, *options, "--angles", "--no-html"]
+    result = invoke(*command, "-o", folder / "out")
+    assert result.exit_code == 0, result.output
+    return read_report(folder / "out")
+
+
+@pytest.mark.parametrize(("motion", "rate"), [("wave", ("--fps", 50)), ("walk", ())])
+def test_a_run_without_strides_notes_it_in_place_of_the_file(tmp_path, monkeypatch, motion, rate):
+    monkeypatch.setattr("skelsplat.run.folder.can_draw", lambda: False)
+    report = refined(tmp_path, np.asarray(synthetic.motion(motion, 120, seed=1)), *rate)
+    assert "no_strides" in [finding["kind"] for finding in report["findings"]]
+    assert FILE not in report["files"]
+    assert not (tmp_path / "out" / FILE).exists()
+
+
 def test_a_run_with_angles_writes_them_in_metres(tmp_path, monkeypatch):
     monkeypatch.setattr("skelsplat.run.folder.can_draw", lambda: False)
-    rig, pose = synthetic.ring(4), np.asarray(synthetic.motion("walk", 200, seed=1))
-    write_calibration(tmp_path / "Calib.toml", rig)
-    for name, seen in zip(rig.names, sk.project(pose, rig), strict=True):
-        np.savez(tmp_path / f"{name}.npz", detections=seen[:, None], frames=np.arange(len(pose)) + 100)
-    command = ["refine", tmp_path / "Calib.toml", tmp_path, *READ, "--fps", 50, "--angles", "--no-html"]
-    result = invoke(*command, "-o", tmp_path / "out")
-    assert result.exit_code == 0, result.output
+    pose = np.asarray(synthetic.motion("walk", 200, seed=1))
+    report = refined(tmp_path, pose, "--fps", 50)
     rows = list(csv.DictReader((tmp_path / "out" / FILE).read_text().splitlines()))
     expected = find_strides(pose, JOINTS, UP, 50.0)
     assert [row["side"] for row in rows] == [one.side for one in expected]
@@ -76,4 +92,5 @@ def test_a_run_with_angles_writes_them_in_metres(tmp_path, monkeypatch):
         assert float(row["speed_m_s"]) == pytest.approx(
             float(row["length_m"]) / float(row["duration_s"]), rel=2e-3
         )
-    assert FILE in read_report(tmp_path / "out")["files"]
+    assert FILE in report["files"]
+    assert "no_strides" not in [finding["kind"] for finding in report["findings"]]

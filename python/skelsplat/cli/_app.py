@@ -94,9 +94,7 @@ def _describe(error: Exception) -> str:
     """Return one line that names the file, for the errors of the package and of the operating system."""
     if isinstance(error, OSError) and not isinstance(error, sk.SkelSplatError) and error.filename is not None:
         return f"{error.filename}: {(error.strerror or 'cannot be used').lower()}"
-    # arguments within a sentence, as options
-    text = re.sub(r'mapping=\{"(.+?)": …\} assigns it; None', r"--map \1=NAME assigns it; none", str(error))
-    return re.sub(r'\b(order|without)=(?:"(\w+)")?', r"--\1 \2", text).replace("  ", " ")
+    return str(error)
 
 
 def _usage(error: Any) -> str:
@@ -108,6 +106,9 @@ def _usage(error: Any) -> str:
     message = re.sub(start, r"\1: ", error.format_message()).replace("Input should be", "expected")
     if command.endswith(" refine") and message == "Missing argument 'DETECTIONS'.":
         message = f"{message.rstrip('.')}; without a CALIBRATION, skelsplat calibrate makes one"
+    values = getattr(error.__cause__, "errors", None)  # of pydantic, with which newer typer reads values
+    if values is not None:
+        message = f"{message.partition(', unable')[0]}, got {values()[0]['input']}"
     return f"{message.rstrip('.')} (see {command} --help)"
 
 

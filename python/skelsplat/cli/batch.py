@@ -92,7 +92,8 @@ def batch(
             processes=jobs or cpu_count() or 1,
             progress=lambda done, total: count("refining", done, total),
         )
-    errors = [f"error: {one.name}: {text}" for one in found.recordings for text in one.errors]
+    worded = _refine.worded
+    errors = [f"error: {one.name}: {worded(text)}" for one in found.recordings for text in one.errors]
     for text in errors:
         print_message(text)
     return Answer(found.to_dict(), partial(_print, found, output), status=FAILED if errors else 0)

@@ -19,7 +19,7 @@ from skelsplat._words import number
 from skelsplat.cli import options
 from skelsplat.cli.command import Answer, answers
 from skelsplat.cli.config import given_again, source_of
-from skelsplat.cli.output import print_findings, print_text, remedy_words, say, tell_all
+from skelsplat.cli.output import option_words, print_findings, print_text, say, tell_all
 from skelsplat.cli.rows import rows
 from skelsplat.cli.table import new_table, print_adjusted, print_table
 from skelsplat.io import write_calibration
@@ -98,7 +98,7 @@ def _refuse(context: typer.Context) -> None:
 
 def _refined(files: Sequence[str], given: Sequence[tuple[str, str]], report: RigReport) -> str | None:
     """Return the command that refines with the remedies of all findings, which replace what was given."""
-    fixes = [remedy_words(remedy) for one in report.findings for remedy in one.remedy]
+    fixes = [option_words(remedy) for one in report.findings for remedy in one.remedy]
 
     def set_by(words: str) -> str:
         return words.rpartition("=")[0] or words.partition(" ")[0]

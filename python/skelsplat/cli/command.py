@@ -6,6 +6,7 @@ import functools
 import inspect
 import itertools
 import re
+import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
@@ -16,12 +17,14 @@ from rich.console import Console
 from typer.core import TyperCommand, TyperGroup
 
 from skelsplat.cli.config import Config
-from skelsplat.cli.output import Terminal, print_json, quieter, tell
+from skelsplat.cli.output import Terminal, options, print_json, quieter, tell
 from skelsplat.cli.rows import AS_JSON, QUIET, Option
-from skelsplat.exceptions import InvalidInputError
+from skelsplat.exceptions import InvalidInputError, SkelSplatError
 from skelsplat.findings import collected_warnings
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+# A keyword in a sentence: format=, people=2, layout="file", mapping={"nose": "snout"}.
+_KEYWORD = re.compile(r'(?<![\w/-])([a-z_]+)=(?:\{"([^"]+)": )?(?:"([^"]*)"|([\w…-]*))\}?(?=[\s),.;:]|$)')
 _ALL, _LISTED = "skelsplat.help.all", "skelsplat.help.listed"
 
 
@@ -213,17 +216,31 @@ class Command(_FlagHelp, TyperCommand):
 
     def invoke(self, ctx: typer.Context) -> Any:  # type: ignore[override, unused-ignore]
         """Run the command; an invalid argument that is an option becomes an error of usage."""
+        running = options.set(frozenset(option for param in self.params for option in param.opts))
         try:
             return super().invoke(ctx)
-        except InvalidInputError as error:
-            option = self._option(error.argument.removeprefix("config."))
-            if option is None:
-                raise
+        except SkelSplatError as error:
+            if not isinstance(error, InvalidInputError) or (option := self._option(error.argument)) is None:
+                raise SkelSplatError(self.worded(str(error))) from error
             needed = getattr(error, "requires", None)  # of an option without which this one has no effect
-            message = error.reason if needed is None else f"requires {self._option(needed)}"
+            message = self.worded(error.reason) if needed is None else f"requires {self._option(needed)}"
             raise typer.BadParameter(message, ctx=ctx, param_hint=option) from error
+        finally:
+            options.reset(running)
+
+    def worded(self, text: str) -> str:
+        """Return a sentence of the package with its keywords, as ``layout="file"``, typed as options."""
+
+        def typed(found: re.Match[str]) -> str:
+            keyword, joint, quoted, bare = found.groups()
+            option, words = self._option(keyword), quoted or ("none" if bare == "None" else bare)
+            words = words if joint is None else f"{joint}={words}"
+            return found[0] if option is None else f"{option} {shlex.quote(words) if words else ''}".rstrip()
+
+        return _KEYWORD.sub(typed, text)
 
     def _option(self, argument: str) -> str | None:
         """Return the option for an argument of the package."""
-        spelt = [opt for param in self.params if param.name == argument != "config" for opt in param.opts]
+        name = argument.removeprefix("config.")
+        spelt = [opt for param in self.params if param.name == name != "config" for opt in param.opts]
         return next((option for option in spelt if option.startswith("--")), None)

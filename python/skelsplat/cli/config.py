@@ -79,7 +79,7 @@ def entries_of(command: Any) -> dict[str, Option]:
     return {
         key.lower(): row
         for row in rows
-        for key in [flag[2:] for flag in row.flags if flag[:2] == "--"] or [row.metavar.rstrip(".")]
+        for key in [flag[2:] for flag in row.flags if flag[:2] == "--"] or [row.metavar]
     }
 
 

@@ -169,7 +169,8 @@ JOB = rows(
     * -o, --output FOLDER  Folder for the results. [required]
     * --write FORMATS  Pose files. Some of csv, trc, c3d, json, nc (xarray, movement), bvh, glb (animation),
         anipose.csv, npy (FreeMoCap); pose.npz is always written. [= csv,trc]
-    * --y-up  Write TRC and C3D with y up. OpenSim expects it; the calibration must have z up.
+    * --y-up  Write TRC and C3D with y up. OpenSim expects it; the calibration must have z up. BVH and glTF
+        have it anyway.
     --marker-names STYLE  Joint names in TRC and C3D files: skelsplat (right_hip), or pose2sim (RHip), for
         its OpenSim models. [= skelsplat]
     * --angles  Write joint angles. angles.csv and .npz have error bars, .mot is for OpenSim; and strides.csv.
@@ -221,10 +222,10 @@ RECORDING = (
 """The options of check-cameras and adjust-cameras for reading detections."""
 RECORDINGS = rows(
     """
-    DETECTIONS...  Folder or file of detections, as for refine; of several recordings with the same cameras,
+    DETECTIONS  Folder or file of detections, as for refine; of several recordings with the same cameras,
         one after the other.
     """,
-    **{"detections...": {"name": "detections", "kind": Path, "many": True}},
+    detections={"many": True},
 )
 """The argument of adjust-cameras and calibrate."""
 OF_LIVE = (

@@ -31,6 +31,10 @@ from skelsplat.findings import Finding, Remedy
 _OPTION = r"--[a-z][a-z-]* \S+"
 _PASTED = rf"pip install \S+|(?:skelsplat [a-z-]+(?: [A-Z]{{3,}})*|{_OPTION})(?: {_OPTION})*"
 _drawn_on: list[Console] = []  # those with a bar, the innermost last
+options: ContextVar[frozenset[str]] = ContextVar("options", default=frozenset())
+"""The options of the command that runs."""
+# Where options are that help against what other commands find.
+_ELSEWHERE = {"adjust_cameras": "refine", "move": "adjust-cameras"}
 _quiet: ContextVar[bool] = ContextVar("quiet", default=False)
 
 
@@ -107,15 +111,23 @@ def tell_all(findings: Iterable[Finding], _console: Console | None = None, of: s
         tell(finding, of)
 
 
-def remedy_words(remedy: Remedy) -> str:
+def option_words(remedy: Remedy) -> str:
     """Return a remedy as it is pasted into a shell: ``--without cam_03``."""
     flag = "--" + remedy.setting.replace("_", "-")
     return flag if remedy.value in (None, True) else f"{flag} {shlex.quote(str(remedy.value))}"
 
 
+def _remedy_words(remedy: Remedy) -> str:
+    """Return `option_words`, after the command whose option it is if the one that runs does not have it."""
+    words, running = option_words(remedy), options.get()
+    other = _ELSEWHERE.get(remedy.setting)
+    there = other is None or not running or words.partition(" ")[0] in running
+    return words if there else f"skelsplat {other} {words}"
+
+
 def _lacking(finding: Finding) -> list[str]:
     """Return the remedies in words, unless the sentence has them."""
-    options = [remedy_words(remedy) for remedy in finding.remedy]
+    options = [_remedy_words(remedy) for remedy in finding.remedy]
     return [] if all(option in finding.text for option in options) else options
 
 
@@ -125,7 +137,7 @@ def _advice(options: Sequence[str]) -> str:
 
 def _pasted(finding: Finding) -> list[str]:
     """Return the options that are pasted from a finding's words."""
-    return [*map(remedy_words, finding.remedy)]
+    return [*map(_remedy_words, finding.remedy)]
 
 
 @contextlib.contextmanager

@@ -43,12 +43,13 @@ CUTOFF_HZ, _OF_NYQUIST, GAP_S = 6.0, 0.8, 0.5
 
 _CROP_PX = 384.0  # side of the crops in whose pixels the thresholds of Iskakov et al. are
 
-_FIELDS = {
+FIELDS = {
     "detections": "2D detections",
     "monocular": "monocular 3D poses",
     "fps": "the frame rate",
-    "frames": "consecutive numbers",
+    "frames": "consecutive numbers of frames",
 }
+"""What methods need of a take, in words."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,7 +142,7 @@ class Method:
         """Raise `DatasetError` if the take lacks what the method needs."""
         missing = self.lacks(take, settings)
         if missing is not None:
-            raise DatasetError(take.key, missing, f"{_FIELDS[missing]}, for the method {self.name}", "none")
+            raise DatasetError(take.key, missing, f"{FIELDS[missing]}, for the method {self.name}", "none")
 
 
 def without_lens(rig: CameraRig) -> CameraRig:

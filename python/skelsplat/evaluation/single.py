@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib.util import find_spec
 
@@ -49,6 +49,7 @@ class Single(Evaluation):
 
     cases: tuple[Case, ...]
     options: Options
+    left_out: Mapping[str, str]  #: methods that were to run if the data allow, and what they lack
 
     def report(self) -> Report:
         """Return tables and figures; printed are those of methods and actions."""
@@ -96,6 +97,7 @@ class Single(Evaluation):
             if "acceleration_m_s2" in self.columns
             else "",
             "" if self.published is None else self.published.note(real),
+            *(f"Not run: {method}, which needs {lacking}." for method, lacking in self.left_out.items()),
         )
 
     def _counted(self) -> str:
@@ -138,7 +140,7 @@ def evaluate(
     fused = rules.paper_start == "fusion" and all(case.take.monocular is not None for case in cases)
     start: Start = "fusion" if fused else "dlt"
     chosen = replace(options or Options(), paper_fields=dict(rules.paper_fields), paper_start=start)
-    picked = select(names, cases, chosen)
+    picked, left_out = select(names, cases, chosen)
     for method in picked:
         for case in cases:
             method.check(case.given(method.over_time), method.settings(chosen))
@@ -159,6 +161,7 @@ def evaluate(
         columns={key: figure for key, figure in _COLUMNS.items() if known.get(key, True)},
         cases=cases,
         options=chosen,
+        left_out=left_out,
     )
 
 
@@ -189,24 +192,28 @@ def _solve(
     return solutions
 
 
-def select(names: Sequence[str], cases: Sequence[Case], options: Options) -> list[Method]:
-    """Return the methods of these names, each once.
+def select(
+    names: Sequence[str], cases: Sequence[Case], options: Options
+) -> tuple[list[Method], dict[str, str]]:
+    """Return the methods of these names, each once, and those left out, with what they lack.
 
-    No names: all that the data allow but those that render pixels. ``"all"`` alone: all, but of those over
-    time only what the data allow. Raises `InvalidInputError` for an unknown name, or if nothing is left.
+    ``"all"`` alone: all that the data allow; no names: all of them but those that render pixels. Raises
+    `InvalidInputError` for an unknown name, or if nothing is left.
     """
-
-    def allowed(method: Method) -> bool:
-        settings = method.settings(options)
-        lacking = any(method.lacks(case.given(method.over_time), settings) for case in cases)
-        return find_spec(method.package) is not None and not lacking
-
-    every = [methods.get(name) for name in methods.names]
-    if list(names) == ["all"]:
-        return [method for method in every if not method.over_time or allowed(method)]
-    if names:
-        return [methods.get(name) for name in dict.fromkeys(names)]
-    picked = [method for method in every if not method.by_pixels and allowed(method)]
+    if names and list(names) != ["all"]:
+        return [methods.get(name) for name in dict.fromkeys(names)], {}
+    wanted = [one for one in map(methods.get, methods.names) if names or not one.by_pixels]
+    lacking = {one.name: _lacking(one, cases, options) for one in wanted}
+    picked = [one for one in wanted if lacking[one.name] is None]
     if not picked:
         raise InvalidInputError("methods: expected takes with detections or monocular poses, got neither")
-    return picked
+    return picked, {name: words for name, words in lacking.items() if words is not None}
+
+
+def _lacking(method: Method, cases: Sequence[Case], options: Options) -> str | None:
+    """Return what a method needs and does not have, in words."""
+    if find_spec(method.package) is None:
+        return f"the package {method.package}"
+    settings = method.settings(options)
+    fields = (method.lacks(case.given(method.over_time), settings) for case in cases)
+    return next((methods.FIELDS[field] for field in fields if field is not None), None)

@@ -33,26 +33,26 @@ _FIRST = {"movflags": "faststart"}  # its index before the frames: it plays whil
 _PARTS = 1001
 _PLAIN = 226  # level of a plain frame: light, as dark limbs are drawn on it
 _BORDER = 0.002  # of its longer side
-_CHOOSE = "or draw only the cameras that have one (chosen=)"
+_CHOOSE = "or draw only the cameras that have one (cameras=)"
 
 
 def find_videos(
     path: str | os.PathLike[str],
     names: Sequence[str],
     *,
-    chosen: Collection[str] = (),
+    cameras: Collection[str] = (),
     order: str | Sequence[str] | None = None,
 ) -> dict[str, Path]:
     """Return the video, or the folder of images, of every camera, in the order of `names`.
 
     A path is a folder with one video, or one folder of images, per camera; what fits no camera is left alone.
-    Or it is one video or folder of images, whose camera is the chosen one, or the one of its name. `chosen`
+    Or it is one video or folder of images, whose camera is the chosen one, or the one of its name. `cameras`
     are the cameras that are wanted; empty for all. `order` is the file or folder of each wanted camera, or
     "sorted", instead of matching by name. A chosen camera that is not there and an `order` that does not fit
     are an `InvalidInputError`; a path without videos and a wanted camera without one a `DatasetError`.
     """
     root = Path(path)
-    meant = cameras_called(chosen, names, "cameras")
+    meant = cameras_called(cameras, names, "cameras")
     wanted = [name for name in names if not meant or name in meant]
     kind, found = _entries(root)
     if root in found.values():
@@ -62,7 +62,7 @@ def find_videos(
         labels = match_by_order(Candidates(root, kind, texts), wanted, order)
     else:
         every = Candidates(root, kind, texts, idle=texts.keys())
-        labels = match_by_name(every, names, optional=names if chosen else (), otherwise=_CHOOSE)
+        labels = match_by_name(every, names, optional=names if cameras else (), otherwise=_CHOOSE)
     missing = [name for name in wanted if name not in labels]
     if missing:
         expected = f"a {kind} for every chosen camera ({kind}s: {', '.join(found)})"

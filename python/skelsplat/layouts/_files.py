@@ -36,8 +36,10 @@ _IN_A_LINE = 6
 _SIGMA, _MOST_SIGMA_MM = 0.1, 20.0
 
 _SIDES = {"l": "left", "r": "right", "left": "left", "right": "right"}
-# Where a word begins with a side, or ends with one.
-_WITHIN = r"(?i:(?<=^left)|(?<=^right))(?=[A-Za-z])|(?<=^[LR])(?=[a-z])|(?<=[A-Za-z])(?=(?i:left|right)$)"
+# Where a word has a side within, or begins with its letter.
+_WITHIN = r"(?i:(?<=left)|(?<=right))(?=[A-Za-z])|(?<=^[LR])(?=[a-z])|(?<=[A-Za-z])(?=(?i:left|right))"
+# The letter of a side alone: at the beginning, after or before the letter of a leg, at the end.
+_LETTERS = ("^([lr])", "^[bfhm]([lr])", "([lr])[bfhm]$", "([lr])$")
 # Legs by their initials: FL and LF are the left front one.
 _LEGS = {
     code: f"{leg} {side}"
@@ -133,12 +135,32 @@ def mirrored_names(joints: Sequence[str]) -> tuple[Pair, ...]:
 
     A side is a word or part of one: ``left_ear``, ``ear_l``, ``EarL``, ``Lear``, ``leftear``, ``hindright``,
     ``FL`` and ``RH`` (front left, right hind), in one joint only once. A joint without exactly one
-    counterpart is in no pair.
+    counterpart is in no pair. The first or last letter is one, as of ``LASI`` or ``rfpaw``, if at least two
+    pairs have it there.
     """
     sides = [_side(name) for name in joints]
+    pairs = _counterparts(sides)
+    for letter in _LETTERS:
+        paired = {place for pair in pairs for place in pair}
+        lettered = [
+            None if k in paired or sides[k] else _lettered(name, letter) for k, name in enumerate(joints)
+        ]
+        more = _counterparts(lettered)
+        pairs += more if len(more) > 1 else []
+    return tuple(sorted(pairs))
+
+
+def _counterparts(sides: Sequence[tuple[str, ...] | None]) -> list[Pair]:
+    """Return the pairs of sides with the same rest, each there once."""
     lone = {side: place for place, side in enumerate(sides) if side is not None and sides.count(side) == 1}
     left = ((place, lone.get(("right", *rest))) for (side, *rest), place in lone.items() if side == "left")
-    return tuple((place, right) for place, right in left if right is not None)
+    return [(place, right) for place, right in left if right is not None]
+
+
+def _lettered(name: str, letter: str) -> tuple[str, ...] | None:
+    """Return the side that a letter of a name is, what is before it and after it; None if it is none."""
+    found = re.search(letter, name.lower())
+    return found and (_SIDES[found[1]], name[: found.start(1)], name[found.end(1) :])
 
 
 def _side(name: str) -> tuple[str, ...] | None:

@@ -263,9 +263,9 @@ def _check_lenses(
             raise IncompleteJobError(option, "intrinsics")
         return
     if same_focal:
-        raise InvalidInputError("same_focal: expected none with intrinsics, which state focal lengths")
+        raise InvalidInputError("same_focal: expected none with intrinsics=, which state focal lengths")
     if videos is not None:
-        raise InvalidInputError("videos: expected none with intrinsics, which state the image sizes")
+        raise InvalidInputError("videos: expected none with intrinsics=, which state the image sizes")
 
 
 def _opened(

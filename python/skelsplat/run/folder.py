@@ -153,19 +153,13 @@ def write_folder(
     ``name`` is that of a person in a run of several; ``tell`` is called with findings on the files.
     """
     name = name or name_of(run, gathered)
-    strides = strides_of(run) if writing.angles else ""
-    names = _names(writing, run, strides)
-    report = {**run.report, RUN: name, "files": names}
-    report.pop("joint_angles", None)
-    if writing.angles:
-        up = vertical_of(run.cameras)
-        report["joint_angles"] = {"names": [*run.angles.names], "up": None if up is None else up.tolist()}
-    run = replace(run, report=report)
-    begin_writing(folder, run.report)
-    whole = gathered or run
-    rate, frames = run.poses.frame_rate, whole.poses.frames
     with collected_warnings(tell) as notes:
+        strides = strides_of(run) if writing.angles else ""
+        run = replace(run, report=_report(run, writing, name, strides))
+        begin_writing(folder, run.report)
+        whole = gathered or run
         _write_poses(run, folder, writing, whole.poses)
+    rate, frames, names = run.poses.frame_rate, whole.poses.frames, run.report["files"]
     told = [*run.report["findings"], *(note.to_dict() for note in notes)]
     run = replace(run, findings=(*run.findings, *notes), report={**run.report, "findings": told})
     if writing.angles:
@@ -181,6 +175,16 @@ def write_folder(
         run.write_html(folder / PAGE)
     atomic_write_text(folder / REPORT, to_text(run.report))  # last: the run is whole
     return run
+
+
+def _report(run: Run, writing: Writing, name: str, strides: str) -> dict[str, Any]:
+    """Return the report with the name of the run and those of the files."""
+    report = {**run.report, RUN: name, "files": _names(writing, run, strides)}
+    report.pop("joint_angles", None)
+    if writing.angles:
+        up = vertical_of(run.cameras)
+        report["joint_angles"] = {"names": [*run.angles.names], "up": None if up is None else up.tolist()}
+    return report
 
 
 def _write_poses(run: Run, folder: Path, writing: Writing, poses: Poses) -> None:

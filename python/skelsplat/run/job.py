@@ -135,7 +135,16 @@ class Job(Writing):
         one_of("marker_names", self.marker_names, MARKER_NAMES)
         for kind in self.write:
             one_of("write", kind, tuple(POSE_FORMATS))
+        self._check_formats("y_up", self.y_up, {"y_up", "up"})
+        self._check_formats("marker_names", self.marker_names != MARKER_NAMES[0], {"marker_names"})
         self._check_over_time()
+
+    def _check_formats(self, option: str, given: bool, understood: set[str]) -> None:
+        """Refuse an option of pose files where none that is written understands it."""
+        fitting = [kind for kind, entry in POSE_FORMATS.items() if understood & {*entry.options}]
+        if given and not {*fitting} & {*self.write}:
+            expected = f"one of {', '.join(fitting)} in write="
+            raise InvalidInputError(f"{option}: expected {expected}, got {', '.join(self.write)}")
 
     def _check_people(self) -> None:
         number = isinstance(self.people, int) and not isinstance(self.people, bool) and self.people >= 1
@@ -143,7 +152,7 @@ class Job(Writing):
             raise InvalidInputError(f"people: expected all or a number of at least 1, got {self.people!r}")
         given = {"person": self.person != "consistent", "init": self.init is not None}
         for option in (name for name, value in given.items() if value and self.people is not None):
-            raise InvalidInputError(f"{option}: cannot be combined with people, which refines everybody")
+            raise InvalidInputError(f"{option}: cannot be combined with people=, which refines everybody")
 
     def _check_start(self) -> None:
         sigma = self.init_sigma_mm

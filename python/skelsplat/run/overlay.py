@@ -239,7 +239,7 @@ def open_views(job: OverlayJob, scene: Scene) -> list[View]:
             if name in chosen
         }
     else:
-        paths = find_videos(job.videos, list(names), chosen=job.cameras, order=job.order)
+        paths = find_videos(job.videos, list(names), cameras=job.cameras, order=job.order)
         if job.first_frame is not None and any(path.is_dir() for path in paths.values()):
             expected = "expected videos, got images, whose numbers are those in the names of the files"
             raise InvalidInputError(f"first_frame: {expected}")

@@ -14,6 +14,7 @@ import numpy as np
 
 from skelsplat._angles import TOES
 from skelsplat._arrays import Array, median
+from skelsplat.findings import Finding, warn
 from skelsplat.io.poses._csv import csv_text
 from skelsplat.run.angles import vertical_of
 
@@ -83,10 +84,12 @@ def _peaks(values: Array, reach: int) -> list[int]:
 
 
 def strides_of(run: Run) -> str:
-    """Return the strides of a run as csv; "" without any, or without a frame rate or a vertical."""
+    """Return the strides of a run as csv; "", with a note that says why, without any."""
     poses, up = run.poses, vertical_of(run.cameras)
-    if up is None or poses.frame_rate is None or not run.layout.human:
-        return ""
+    if not run.layout.human:
+        return _without("the layout is not of a person")
+    if up is None or poses.frame_rate is None:
+        return _without(f"{'which axis is vertical' if up is None else 'the frame rate'} is unknown")
     fps, metres = poses.frame_rate, run.cameras.mm_per_unit / 1000.0
     rows = []
     for one in find_strides(poses.pose, run.layout.joints, up, fps):
@@ -97,4 +100,11 @@ def strides_of(run: Run) -> str:
         stance = (one.off - one.strike) / (one.next - one.strike)
         numbers = ((first - int(poses.frames[0])) / fps, duration, length, length / duration, stance)
         rows.append([one.side, first, last, *(f"{number:.3f}" for number in numbers)])
-    return csv_text([_COLUMNS, *rows]) if rows else ""
+    if rows:
+        return csv_text([_COLUMNS, *rows])
+    return _without("no foot strikes twice, with hip, knee and ankle in sight, in a walk straight ahead")
+
+
+def _without(why: str) -> str:
+    warn(Finding("no_strides", "note", sentence=f"{FILE} is not written: {why}."))
+    return ""

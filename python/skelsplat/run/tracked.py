@@ -127,7 +127,7 @@ def _track(
 
 def _check_times(whole: Inputs, job: Job) -> None:
     """Raise an error if people cannot be followed: no frame rate, or the files lack most frames."""
-    why = f"people={job.people}" if job.people is not None else f"person={job.person}"
+    why = f"people={job.people}" if job.people is not None else f'person="{job.person}"'
     if whole.fps is None:
         expected = f"the frame rate, which following people over time needs ({why})"
         got = "none: neither the files nor videos state it"

@@ -96,17 +96,28 @@ def test_shelf_has_pcp_per_actor() -> None:
     assert dict(zip(single.CSV_FIELDS, line, strict=True))["pcp"] == "0.9582"
 
 
+def test_all_is_what_the_data_allow_and_what_was_left_out_is_noted() -> None:
+    blind = replace(DATA, takes=tuple(replace(take, monocular=None) for take in DATA))
+    cases = protocols.get(DATA.name).cases(blind)
+    picked, lacking = single.select(["all"], cases, methods.Options())
+    assert lacking.keys() == {"fusion", "annealed-prior", *OVER_TIME}
+    assert {method.name for method in picked} == set(methods.names) - lacking.keys()
+
+
 def test_without_names_everything_runs_that_the_data_allow(monkeypatch: pytest.MonkeyPatch) -> None:
     blind = replace(DATA, takes=tuple(replace(take, monocular=None) for take in DATA))
-    found = list(single.evaluate(blind).methods)
+    run = single.evaluate(blind)
+    told = " ".join(run.methods_table().notes)
+    assert all(f"{name}, which needs {words}" in told for name, words in run.left_out.items())
+    assert run.left_out
+    found = list(run.methods)
     lacking = {"fusion", "annealed-prior", "paper", "paper-ransac", *OVER_TIME}
     assert found == [name for name in methods.names if name not in lacking]
     rules = protocols.get(DATA.name)
     assert set(OVER_TIME) < set(single.evaluate(takes.recording()).methods)
     monkeypatch.setattr(single, "find_spec", lambda name: None if name == "scipy" else name)
-    without = single.select([], rules.cases(takes.recording()), methods.Options())
+    without, lacking = single.select([], rules.cases(takes.recording()), methods.Options())
     assert "annealed-butterworth" not in {method.name for method in without}
-    alone = {method.name for method in single.select(["all"], rules.cases(DATA), methods.Options())}
-    assert alone == set(methods.names) - set(OVER_TIME)
+    assert lacking["annealed-butterworth"] == "the package scipy"
     with pytest.raises(sk.InvalidInputError, match="methods: expected takes with detections"):
         single.evaluate(replace(blind, takes=tuple(replace(t, detections=None) for t in blind)))

@@ -188,7 +188,8 @@ def _recognised(source: Source) -> CalibrationFormat | None:
 def _check_options(chosen: CalibrationFormat, options: Mapping[str, Any]) -> None:
     for name, value in options.items():
         if value is not None and name not in chosen.options:
-            raise InvalidInputError(f"{name}: expected none for {chosen.name} files, got {value!r}")
+            shown = "x".join(map(str, value)) if isinstance(value, tuple) else repr(value)
+            raise InvalidInputError(f"{name}: expected none for {chosen.name} files, got {shown}")
     binning = options["binning"]
     if binning is not None and not (np.isfinite(binning) and binning >= 1.0):
         raise InvalidInputError(f"binning: expected a number of at least 1, got {binning!r}")

@@ -229,7 +229,9 @@ def places_of(view: View, layout: sk.Layout, mapping: Mapping[str, Joint]) -> li
         else:
             missing.append(joint)
     if missing:
-        advice = f'mapping={{"{missing[0]}": …}} assigns it; None if the files lack it'
+        advice = (
+            f'mapping={{"{missing[0]}": "NAME"}} assigns it, mapping={{"{missing[0]}": None}} leaves it out'
+        )
         actual = f"none for {', '.join(missing)} among {listed(names, _SHOWN) or 'no names'}; {advice}"
         raise _wrong(view, f"a name for every joint of {layout.name}", actual)
     _check_once(places, view, layout)
@@ -246,7 +248,7 @@ def _mapped(view: View, joint: str, target: Joint) -> int:
         return -1 if target is None else target
     names = view.joints or ()
     if target not in names:
-        raise _wrong(view, f"{target!r} for {joint} (mapping)", listed(names, _SHOWN) or "no names")
+        raise _wrong(view, f"{target!r} for {joint} (mapping=)", listed(names, _SHOWN) or "no names")
     return names.index(target)
 
 
@@ -256,7 +258,7 @@ def _check_once(places: list[int], view: View, layout: sk.Layout) -> None:
     for joint, place in zip(layout.joints, places, strict=True):
         if place >= 0 and joints.setdefault(place, joint) != joint:
             point = repr(names[place]) if place < len(names) else f"index {place}"
-            actual = f"{point} for {joints[place]} and {joint} (None if the files lack one)"
+            actual = f'{point} for {joints[place]} and {joint} (mapping={{"{joint}": None}} leaves one out)'
             raise InvalidInputError(f"mapping: expected a different point for each joint, got {actual}")
 
 

@@ -128,12 +128,27 @@ def offered(path: Path, form: DetectionFormat, sequence: str | None) -> _Offer:
         expected = f"none for the format {form.name}, whose files have one sequence"
         raise InvalidInputError(f"sequence: expected {expected}, got {sequence!r}")
     if not path.is_file():
-        return _of_folder(path, form)
+        recording = _only_recording(path, form, sequence)
+        if recording is None:
+            return _of_folder(path, form)
+        path = recording
     if form.recording is None:
         raise DatasetError(path, "path", f"a folder ({form.name} has files per camera)", "a file")
     views, named = form.recording(path, sequence)
     candidates = Candidates(path, "view", {label: label for label in views}, named=named)
     return candidates, lambda labels: {camera: views[label] for camera, label in labels.items()}
+
+
+def _only_recording(folder: Path, form: DetectionFormat, sequence: str | None) -> Path | None:
+    """Return the only file of a folder if it has the detections of all cameras, or None."""
+    files = _shown(folder, *form.suffixes)
+    if form.recording is None or len(files) != 1 or not form.matches(files[0]):
+        return None
+    if form.files is None:
+        return files[0]
+    with suppress(DatasetError):  # one that is not named may as well be of one camera
+        return files[0] if form.recording(files[0], sequence).named else None
+    return None
 
 
 def _of_folder(path: Path, form: DetectionFormat) -> _Offer:

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from skelsplat._words import listed
 from skelsplat.exceptions import DatasetError
+from skelsplat.findings import Finding, Subject, warn
 from skelsplat.io._files import csv_header, csv_lines, doubled
 from skelsplat.io.detections._csv import frame_in, number_in
 from skelsplat.io.detections._format import (
@@ -44,6 +46,7 @@ def read_wide(path: Path) -> View:
     count = next((name for name in header if name.lower() in _FRAMES), None)
     there = {*header}
     _refuse_other_names(path, joints, there)
+    _note_unsure(path, joints, there)
     columns = [f"{joint}_{part}" for joint in joints for part in ("x", "y", _sure(joint, there))]
     frames: list[int] = []
     values: list[list[float]] = []
@@ -97,6 +100,18 @@ def _refuse_other_names(path: Path, joints: Sequence[str], header: Collection[st
     if odd and not known:
         expected = f"confidences as NAME_{', NAME_'.join(_SURE)}, or none"
         raise DatasetError(path, "line 1", expected, first + odd[0])
+
+
+def _note_unsure(path: Path, joints: Sequence[str], header: Collection[str]) -> None:
+    """Warn if some joints have a confidence and others none, which are certain."""
+    without = tuple(joint for joint in joints if f"{joint}_{_sure(joint, header)}" not in header)
+    if 0 < len(without) < len(joints):
+        sentence = f"{path}: {listed(without)} without a confidence, as others have, count as certain."
+        warn(
+            Finding(
+                "confidence_lacking", "warning", Subject((), without, (), (str(path),)), sentence=sentence
+            )
+        )
 
 
 def _counted(joints: Sequence[str]) -> bool:

@@ -130,7 +130,8 @@ def convert_poses(
 
     The extensions name the formats; a format keeps what it can hold. `fps` and `unit` are by default those of
     the source, but the unit is m in TRC and glTF, cm in BVH and mm in C3D; `fps` changes velocities with it.
-    `y_up`, `marker_names` (TRC, C3D) and `singular` (NetCDF) are those of the writers.
+    `y_up` (TRC, C3D; BVH and glTF have it anyway), `marker_names` (TRC, C3D) and `singular` (NetCDF) are
+    those of the writers.
     """
     source, target = Path(source), Path(target)
     kind = pose_format(target)
@@ -141,11 +142,13 @@ def convert_poses(
         data = data.at_rate(fps)
     if unit is not None and kind not in _OWN_UNIT:
         data, unit = data.in_unit(unit), None
+    animation = "up" in POSE_FORMATS[kind].options  # which has y up in any case
+    y_up = y_up and not animation
     if y_up:
         _warn_if_turned(source)
     given: dict[str, object] = {"marker_names": marker_names, "unit": unit}
     given |= {"y_up": y_up or None, "singular": singular or None}
-    if "up" in POSE_FORMATS[kind].options and pose_format(source) in ("trc", "c3d"):
+    if animation and pose_format(source) in ("trc", "c3d"):
         given["up"] = upward(data)
     try:
         write_pose(target, data, **given)
@@ -232,6 +235,6 @@ def _warn_if_turned(source: Path) -> None:
     kind = pose_format(source)
     if kind == "trc" or (kind == "c3d" and c3d_is_y_up(source)):
         states = "y is up already" if kind == "c3d" else "y may be up already (the format does not say)"
-        sentence = f"{source}: {states}, so y_up turns the axes once more."
+        sentence = f"{source}: {states}, so the axes are turned once more."
         doubt = Finding("axes_turned", "warning", Subject(files=(str(source),)), sentence=sentence)
         warnings.warn(FindingWarning(doubt), stacklevel=3)

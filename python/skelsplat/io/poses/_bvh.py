@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from skelsplat._arrays import Array
 from skelsplat._atomic import atomic_write
-from skelsplat._skeleton import Skeleton
+from skelsplat._skeleton import Animation, Skeleton
 from skelsplat.io.poses._animation import Bones, animated
 from skelsplat.io.poses._pose_data import Poses
 
@@ -37,10 +37,12 @@ def write_bvh(
     bones of an animal connect, by default those of `data` or of the built-in layout with its joints.
     """
     animation = animated(data, "BVH", frame_rate, unit, up, limbs)
-    angles = _angles(animation.turns[:, [*_order(animation.skeleton, 0)]])
-    rows = np.concatenate([animation.root, angles.reshape(len(angles), -1)], axis=1)
+    angles = _angles(animation.turns)
+    order = _order(animation.skeleton, 0)
+    parts = [part for k in order for part in (animation.moves.get(k), angles[:, k]) if part is not None]
+    rows = np.concatenate(parts, axis=1)
     with atomic_write(path) as stream:
-        lines = ["HIERARCHY", *_tree(animation.skeleton, 0, 0), "MOTION", f"Frames: {len(rows)}"]
+        lines = ["HIERARCHY", *_tree(animation, 0, 0), "MOTION", f"Frames: {len(rows)}"]
         lines.append(f"Frame Time: {1.0 / animation.frame_rate:.8f}")
         stream.write("".join(f"{line}\n" for line in lines).encode())
         for row in rows:
@@ -54,17 +56,18 @@ def _order(skeleton: Skeleton, part: int) -> Iterator[int]:
         yield from _order(skeleton, child)
 
 
-def _tree(skeleton: Skeleton, part: int, depth: int) -> Iterator[str]:
+def _tree(animation: Animation, part: int, depth: int) -> Iterator[str]:
     """Yield the lines of a part and of what it carries, depth first."""
+    skeleton = animation.skeleton
     indent, inner = "\t" * depth, "\t" * (depth + 1)
     x, y, z = skeleton.offsets[part]
     yield f"{indent}{'JOINT' if depth else 'ROOT'} {'_'.join(skeleton.names[part].split())}"
     yield f"{indent}{{"
     yield f"{inner}OFFSET {x:.5f} {y:.5f} {z:.5f}"
-    channels = f"CHANNELS 3 {_TURNS}" if depth else f"CHANNELS 6 Xposition Yposition Zposition {_TURNS}"
-    yield f"{inner}{channels}"
+    free = part in animation.moves
+    yield f"{inner}CHANNELS {f'6 Xposition Yposition Zposition {_TURNS}' if free else f'3 {_TURNS}'}"
     for child in skeleton.children(part):
-        yield from _tree(skeleton, child, depth + 1)
+        yield from _tree(animation, child, depth + 1)
     if part in skeleton.tips:
         x, y, z = skeleton.tips[part]
         yield f"{inner}End Site"

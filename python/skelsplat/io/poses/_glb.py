@@ -13,7 +13,7 @@ import skelsplat as sk
 from skelsplat._arrays import Array
 from skelsplat._atomic import atomic_write
 from skelsplat._optional import require
-from skelsplat._skeleton import Animation, Skeleton
+from skelsplat._skeleton import Animation
 from skelsplat.io.poses._animation import Bones, animated
 from skelsplat.io.poses._pose_data import Poses
 
@@ -40,16 +40,16 @@ def write_glb(
     skeleton = animation.skeleton
     count = len(skeleton.names)
     for k, name in enumerate(skeleton.names):
-        begin = skeleton.offsets[k] if k else animation.root[0]
+        begin = animation.moves[k][0] if k in animation.moves else skeleton.offsets[k]
         children = skeleton.children(k)
         file.nodes.append(gltf.Node(name=name, translation=begin.tolist(), children=children))
     file.nodes.append(gltf.Node(name="Figure", mesh=0, skin=0))
-    rest = _at_rest(skeleton, animation.root[0])
+    rest = _at_rest(animation)
     inverse = np.tile(np.eye(4), (count, 1, 1))
     inverse[:, 3, :3] = -rest  # by columns
     matrices = file.add(inverse.reshape(count, 16), "MAT4")
     file.skins.append(gltf.Skin(joints=[*range(count)], skeleton=0, inverseBindMatrices=matrices))
-    file.add_figure(*_figure(skeleton, rest))
+    file.add_figure(*_figure(animation, rest))
     file.add_animation(animation)
     with atomic_write(path) as stream:
         stream.write(b"".join(file.whole().save_to_bytes()))
@@ -103,9 +103,9 @@ class _File:
         self._meshes.append(self._gltf.Mesh(primitives=[primitive]))
 
     def add_animation(self, animation: Animation) -> None:
-        """Add the place of the root, and the rotation of every part that turns."""
-        times = self.add(np.arange(len(animation.root))[:, None] / animation.frame_rate, "SCALAR")
-        paths = [(0, "translation", self.add(animation.root, "VEC3"))]
+        """Add the places of free parts, and the rotation of every part that turns."""
+        times = self.add(np.arange(len(animation.turns))[:, None] / animation.frame_rate, "SCALAR")
+        paths = [(k, "translation", self.add(move, "VEC3")) for k, move in animation.moves.items()]
         for k, turns in enumerate(np.moveaxis(animation.turns, 1, 0)):
             if animation.skeleton.children(k):
                 paths.append((k, "rotation", self.add(_quaternions(turns), "VEC4")))
@@ -146,17 +146,20 @@ def _quaternions(turns: Array) -> Array:
     return values
 
 
-def _at_rest(skeleton: Skeleton, root: Array) -> Array:
-    """Return where the parts begin (K, 3) in the rest pose."""
-    places = np.empty(skeleton.offsets.shape)
-    for k, parent in enumerate(skeleton.parents):
-        places[k] = root if parent < 0 else places[parent] + skeleton.offsets[k]
+def _at_rest(animation: Animation) -> Array:
+    """Return where the parts begin (K, 3) in the rest pose; free ones as in the first frame."""
+    places = animation.skeleton.offsets.copy()
+    for k, move in animation.moves.items():
+        places[k] = move[0]
+    for k, parent in enumerate(animation.skeleton.parents):
+        places[k] += places[parent] if parent >= 0 else 0.0
     return places
 
 
-def _figure(skeleton: Skeleton, rest: Array) -> tuple[Array, Array, npt.NDArray[np.uint16]]:
+def _figure(animation: Animation, rest: Array) -> tuple[Array, Array, npt.NDArray[np.uint16]]:
     """Return corners and normals (V, 3) of a slim octahedron along every bone, and the joint it follows."""
-    ends = [(int(parent), rest[k]) for k, parent in enumerate(skeleton.parents) if parent >= 0]
+    skeleton, free = animation.skeleton, animation.moves
+    ends = [(int(parent), rest[k]) for k, parent in enumerate(skeleton.parents) if k not in free]
     ends += [(k, rest[k] + tip) for k, tip in skeleton.tips.items()]
     corners, joints = [], []
     for k, end in ends:

@@ -138,8 +138,11 @@ its inverse kinematics tool.
 import os
 from pathlib import Path
 
-import opensim
-from Pose2Sim.kinematics import get_opensim_setup_dir, perform_scaling
+try:
+    import opensim
+    from Pose2Sim.kinematics import get_opensim_setup_dir, perform_scaling
+except ImportError as error:
+    raise SystemExit(f"{{error}}; run: pip install opensim pose2sim") from None
 
 MARKERS = "{model}"  # of Pose2Sim
 SIMPLE = False  # True: ten times as fast, with a stiff spine, without patellae and muscles
