@@ -106,20 +106,6 @@ def parts(takes: list[Take]) -> dict[str, Masks]:
     return masks
 
 
-def setbacks(results: dict[str, Errors], takes: list[Take]) -> list[str]:
-    """Return a line per method on the takes in which it is worse than frame by frame, by its mean error."""
-    means = {name: np.array([np.nanmean(part) for part in found.distance]) for name, found in results.items()}
-    if "frames" not in means:
-        return []
-    reference, lines = means.pop("frames"), []
-    for name, mean in means.items():
-        ratio = mean / reference
-        worst = int(ratio.argmax())
-        change = f"at worst {100 * (ratio[worst] - 1):+.0f} % ({takes[worst].name})"
-        lines.append(f"{name}: worse than frames in {(ratio > 1).sum()} of {len(takes)} takes, {change}")
-    return lines
-
-
 def sequences(
     *,
     takes: int | None = None,
@@ -141,7 +127,7 @@ def sequences(
         n_frames = sum(len(take.scene.truth) for take in found)
         title = f"{condition}: {views} views, {fps} Hz, {n_frames} frames, simulated detections"
         rows = {name: errors.row() for name, errors in results.items()}
-        yield Table.of(title, "method", rows, setbacks(results, found))
+        yield Table.of(title, "method", rows)
         if joints:
             by_part = {
                 f"{name}, {part}": errors.row(masks)

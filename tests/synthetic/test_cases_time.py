@@ -3,13 +3,13 @@
 import warnings
 from types import SimpleNamespace
 
-import hard
 import numpy as np
 import pytest
-from hard import BODY, FPS, WRIST, WRISTS
 from scenarios import Scene
 
+import hard
 import skelsplat as sk
+from hard import BODY, FPS, WRIST, WRISTS
 from skelsplat import synthetic
 from skelsplat.findings import FindingWarning
 from skelsplat.run.bones import find_bones

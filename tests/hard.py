@@ -1,12 +1,11 @@
-"""Scenes that hurt: noise that lasts, detectors that follow, people who stand still or repeat themselves."""
+"""Scenes that hurt: noise that lasts, exchanged sides, people who stand still or repeat themselves."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-import recordings
 from scenarios import FloatArray, Scene
 
 import skelsplat as sk
@@ -16,26 +15,6 @@ from skelsplat.synthetic.skeleton import ANKLE_HEIGHT_MM, forward_kinematics
 FPS, FRAMES = 30.0, 300
 BODY = layouts.H36M17
 ANKLES, WRIST, WRISTS = [3, 6], 13, [13, 16]
-
-
-@dataclass(frozen=True)
-class Drawn:
-    """How many recordings a case has, and their seed."""
-
-    takes: int
-    seed: int
-
-    def scenes(self, condition: str = "good") -> list[Scene]:
-        """Return recordings of ten seconds."""
-        every = recordings.motions()
-        long = [name for name in sorted(every) if len(every[name]) >= FRAMES]
-        names = recordings.sample(long, self.takes, self.seed)
-        given = {"names": names, "seed": self.seed, "most_frames": FRAMES, "confidence": False}
-        return [take.scene for take in recordings.takes(condition, **given)]
-
-    def rng(self, *key: int) -> np.random.Generator:
-        """Return the random numbers of a part of a case."""
-        return np.random.default_rng([self.seed, *key])
 
 
 def seen(poses: FloatArray, rig: Sequence[sk.Camera], seed: int, factor: float = 1.0) -> FloatArray:
@@ -60,23 +39,6 @@ def exchanged(scene: Scene, frames: slice, views: Sequence[int], joints: Sequenc
     for view in views:
         detections[frames, view, joints] = scene.detections[frames, view][:, mirrored]
     return replace(scene, detections=detections)
-
-
-def followed(
-    detections: FloatArray, views: slice, still_hz: float = 0.5, per_px: float = 0.005
-) -> FloatArray:
-    """Return what a detector says that follows joints by a one-euro filter, as MediaPipe does, in some views.
-
-    Slow joints lag behind the most, so that no shift in time sets it right.
-    """
-    out, given = detections.copy(), detections[:, views, :, :2]
-    for t in range(1, len(out)):
-        before = out[t - 1, views, :, :2]
-        speed = FPS * np.linalg.norm(given[t] - given[t - 1], axis=-1, keepdims=True)
-        turn = 2 * np.pi * (still_hz + per_px * speed) / FPS
-        after = before + (given[t] - before) * turn / (1 + turn)
-        out[t, views, :, :2] = np.where(np.isfinite(after), after, given[t])
-    return out
 
 
 def exercise(name: str, hz: float, rng: np.random.Generator) -> FloatArray:
