@@ -5,7 +5,7 @@
 Motions of the CMU motion capture in a Human3.6M-like room; the detections are simulated, with errors that
 last (`skelsplat.synthetic.Memory`), and all methods get the same. `--takes` is a spread sample of 92 takes
 (all), `--names` one of them, such as 05_17, and `--frames` the middle part of longer ones. Conditions: good,
-occluded 2, occluded 3, heavy, swaps. Without `--confidence` the methods get no confidences: simulated ones
+occluded 2, occluded 3, heavy. Without `--confidence` the methods get no confidences: simulated ones
 know too well what is hidden. Names, conditions and methods may be repeated.
 
 mean, median, p95: distance to the truth, mm, of the joints that at least two views detect; `answered` is the
@@ -113,7 +113,7 @@ def sequences(
     frames: int | None = None,
     views: int = 4,
     fps: int = 30,
-    conditions: tuple[str, ...] = recordings.CONDITIONS[:4],
+    conditions: tuple[str, ...] = recordings.CONDITIONS,
     methods: tuple[str, ...] = USUAL,
     confidence: bool = False,
     joints: bool = False,
