@@ -7,7 +7,7 @@ import shutil
 import numpy as np
 import pytest
 
-from command_line import invoke, read_report
+from command_line import read_report, succeed
 from detection_cases import CASES
 from detection_files import Take
 
@@ -31,8 +31,7 @@ def trial(data, tmp_path_factory):
 def doubts(trial, out, person, *more):
     """Return the numbers of a run's warnings, by kind."""
     files = [trial / "Calib_qualisys.toml", trial / "pose"]
-    result = invoke("refine", *files, "-o", out, *OPTIONS, *more, "--person", person)
-    assert result.exit_code == 0, result.output
+    result = succeed("refine", *files, "-o", out, *OPTIONS, *more, "--person", person)
     assert max(len(line) for line in result.stdout.splitlines() if line.startswith("!")) <= 80
     return {finding["kind"]: finding["numbers"] for finding in read_report(out)["findings"]}
 

@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+import warnings
+
+import numpy as np
 import pytest
 
-from cases.people import found_with
+import skelsplat as sk
+from skelsplat import synthetic
+from skelsplat.findings import collected_warnings
 from sweeps import swept
 
 KIND = "cameras_contradict"
+
+
+def found_with(displaced, off_px, people=2, seed=0, frames=60):
+    """Track people whom four cameras see, some of them off by so many pixels; also return the findings."""
+    rig = synthetic.ring(4, radius_mm=4500.0)
+    scene = synthetic.simulate_scene(people, rig, n_frames=frames, fps=30.0, seed=seed)
+    seen = np.array(scene.people)
+    seen[:, list(displaced), ..., 0] += off_px
+    with warnings.catch_warnings(), collected_warnings() as found:
+        return sk.track(seen, rig, fps=30.0, layout=scene.layout), found
 
 
 @pytest.mark.parametrize(

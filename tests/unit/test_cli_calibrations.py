@@ -9,7 +9,7 @@ import pytest
 
 import calibration_files as files
 import skelsplat as sk
-from command_line import assert_fails, invoke, read_report
+from command_line import assert_fails, invoke, read_report, succeed
 from skelsplat import synthetic
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.io import read_npz
@@ -38,8 +38,7 @@ def test_refine_reads_every_format_and_says_which(tmp_path, views, write, option
     np.savez(tmp_path / "detections.npz", detections=sk.project(pose, cameras).swapaxes(0, 1))
     (tmp_path / "rig").mkdir()
     given = [write(tmp_path / "rig", views), tmp_path / "detections.npz", *LAYOUT, *options]
-    result = invoke("refine", *given, "--order", "sorted", "-q", "--fps", 50, "-o", tmp_path / "out")
-    assert result.exit_code == 0, result.output
+    succeed("refine", *given, "--order", "sorted", "-q", "--fps", 50, "-o", tmp_path / "out")
     said = read_report(tmp_path / "out")["input"]
     assert (said["unit"], said["calibration_format"]) == (unit, name)
     poses = read_npz(tmp_path / "out" / "pose.npz")

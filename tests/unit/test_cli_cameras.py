@@ -10,7 +10,7 @@ import pytest
 
 import calibration_files as files
 import skelsplat as sk
-from command_line import assert_fails, invoke
+from command_line import assert_fails, invoke, succeed
 from skelsplat import synthetic
 from skelsplat.io import read_calibration, write_calibration
 
@@ -34,8 +34,7 @@ def test_convert_keeps_the_cameras(tmp_path, views, write, options, suffix):
     folder = tmp_path / "in"
     folder.mkdir()
     target = tmp_path / f"out{suffix}"
-    result = invoke("convert", write(folder, views), target, "--to-unit", "mm", *options)
-    assert result.exit_code == 0, result.output
+    result = succeed("convert", write(folder, views), target, "--to-unit", "mm", *options)
     assert "Wrote 4 cameras (54138969, 55011271, 58860488, 60457274) to " in " ".join(result.stdout.split())
     assert result.stdout.strip().endswith("lengths in mm.")
     rig = read_calibration(target)
@@ -86,11 +85,10 @@ def options(document, kind):
 
 
 def refined_px(room, detections, out, *given):
-    result = invoke(
+    succeed(
         *("refine", room / "Calib.toml", room / detections, "-o", out, "--layout", "h36m17", "-q"),
         *("--no-html", "--fps", 50, *given),
     )
-    assert result.exit_code == 0, result.output
     return float(np.nanmedian(sk.io.read_npz(out / "pose.npz").reprojection_error))
 
 

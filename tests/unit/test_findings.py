@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 import warnings
 
+import findings_table
 from skelsplat.findings import Finding, FindingWarning, Remedy, Subject, collected_warnings, remark
 
 
@@ -32,3 +34,14 @@ def test_warnings_are_collected_as_findings_each_once():
     assert found == told == [remark("one line"), finding]
     assert [one.text for one in found] == ["one line", "of a file"]
     assert {one.severity for one in found} == {"note"}
+
+
+def test_every_kind_of_finding_is_in_the_documentation_with_its_sentence():
+    """If the page differs, run tools/findings_table.py."""
+    assert findings_table.main(check=True) == 0
+    page = findings_table.PAGE.read_text(encoding="utf-8")
+    table = page.partition(findings_table.BEGIN)[2].partition(findings_table.END)[0]
+    rows = [row.split(" | ") for row in table.strip().splitlines()[2:]]
+    assert len(rows) > 50
+    assert all(re.fullmatch(r"\| `[a-z_]+`", kind) and severity for kind, severity, _ in rows)
+    assert [kind for kind, _, sentence in rows if sentence == "… |"] == ["| `remark`"]

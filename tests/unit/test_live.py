@@ -191,13 +191,6 @@ def test_a_malformed_line_changes_nothing(tmp_path, detections):
         assert answers == [unmeasured(answer) for answer in without]
 
 
-def test_any_depth_of_nesting_is_answered(tmp_path, detections):
-    nested = "[" * 990 + "]" * 990
-    lines = [nested, f'{{"frame": {nested}}}', f'{{"detections": [[{nested}]]}}']
-    answers = records(run(tmp_path, *lines, line(0, detections[0])))
-    assert ["error" in answer for answer in answers] == [True] * len(lines) + [False]
-
-
 @pytest.mark.parametrize(
     ("extra", "option"),
     [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from command_line import READ, invoke, read_report
+from command_line import READ, read_report, succeed
 from detection_cases import CASES
 from detection_files import Take
 from skelsplat import layouts, synthetic
@@ -89,8 +89,7 @@ def test_of_several_people_the_choice_is_doubted_and_another_is_offered(tmp_path
     arguments = ["refine", tmp_path / "Calib.toml", source, "-o", tmp_path / "out", *READ, "--write", "csv"]
 
     def found(*options):
-        result = invoke(*arguments, *options, "--no-html")
-        assert result.exit_code == 0, result.output
+        succeed(*arguments, *options, "--no-html")
         return {one["kind"]: one for one in read_report(tmp_path / "out")["findings"]}
 
     assert {"person_by_place", "people_visible", "many_rejected"} <= set(found("--person", "entry:0"))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import READ, invoke, read_report
+from command_line import READ, read_report, succeed
 from skelsplat.findings import Finding, Subject
 from skelsplat.run.frames import FrameFacts, Usual, find_in_frames, rows_of
 
@@ -104,8 +104,7 @@ def test_report_json_has_the_facts_of_the_page(recording, arguments):
     for camera in rig.names:
         path = folder / "openpose" / camera / "000002_keypoints.json"
         path.write_text(json.dumps({"people": []}))
-    result = invoke(*arguments, *READ, "--fps", 50, "--frame-by-frame", "-q")
-    assert result.exit_code == 0, result.output
+    succeed(*arguments, *READ, "--fps", 50, "--frame-by-frame", "-q")
     report = read_report(folder / "out")
     (finding,) = report["frame_findings"]
     assert (finding["kind"], finding["subject"]) == ("frame_stopped", {"frames": [2]})

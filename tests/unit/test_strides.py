@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import READ, invoke, read_report
+from command_line import READ, read_report, succeed
 from skelsplat import synthetic
 from skelsplat.io import write_calibration
 from skelsplat.run.strides import FILE, find_strides
@@ -65,8 +65,7 @@ def test_a_run_with_angles_writes_them_in_metres(tmp_path, monkeypatch):
     for name, seen in zip(rig.names, sk.project(pose, rig), strict=True):
         np.savez(tmp_path / f"{name}.npz", detections=seen[:, None], frames=np.arange(len(pose)) + 100)
     command = ["refine", tmp_path / "Calib.toml", tmp_path, *READ, "--fps", 50, "--angles", "--no-html"]
-    result = invoke(*command, "-o", tmp_path / "out")
-    assert result.exit_code == 0, result.output
+    succeed(*command, "-o", tmp_path / "out")
     rows = list(csv.DictReader((tmp_path / "out" / FILE).read_text().splitlines()))
     expected = find_strides(pose, JOINTS, UP, 50.0)
     assert [row["side"] for row in rows] == [one.side for one in expected]

@@ -5,15 +5,10 @@ from __future__ import annotations
 import json
 
 import pytest
-from typer.testing import CliRunner
 
+from command_line import invoke, succeed
 from skelsplat import datasets
-from skelsplat.cli import app
 from writers import human36m as write
-
-
-def invoke(*args):
-    return CliRunner().invoke(app, ["datasets", *map(str, args)], env={"COLUMNS": "80"})
 
 
 def plain(result):
@@ -28,23 +23,20 @@ def good(tmp_path):
 
 
 def test_list_names_all_data_sets():
-    result = invoke("list")
-    assert result.exit_code == 0
+    result = succeed("datasets", "list")
     for name in datasets.names():
         assert name in result.stdout
-    entries = json.loads(invoke("list", "--json").stdout)
+    entries = json.loads(invoke("datasets", "list", "--json").stdout)
     assert [entry["name"] for entry in entries] == list(datasets.names())
     assert "detections" in entries[0]["options"]
 
 
 def test_a_good_data_set_is_status_0(good):
-    result = invoke("check", "human36m", good)
-    assert result.exit_code == 0, result.output
+    result = succeed("datasets", "check", "human36m", good)
     text = plain(result)
     assert "S11 4 24 4 17 100.0 % 100.0 %" in text
     assert text.count("60457274") == 1
-    result = invoke("check", "human36m", good, "--json")
-    assert result.exit_code == 0
+    result = succeed("datasets", "check", "human36m", good, "--json")
     report = json.loads(result.stdout)
     assert (report["ok"], report["format"]) == (True, "skelsplat")
     assert len(report["files"]["there"]) == 1 + 8 + 8 * 4, "cameras, truth, and detections of every view"
@@ -61,10 +53,10 @@ def test_all_that_is_missing_is_status_1_and_listed(good):
     missing = [folder / camera / "poses.npz" for camera in ("58860488", "60457274")]
     for path in missing:
         path.unlink()
-    result = invoke("check", "human36m", good)
+    result = invoke("datasets", "check", "human36m", good)
     assert result.exit_code == 1
     assert all(str(path) in plain(result) for path in missing)
-    report = json.loads(invoke("check", "human36m", good, "--json").stdout)
+    report = json.loads(invoke("datasets", "check", "human36m", good, "--json").stdout)
     assert [entry["path"] for entry in report["files"]["missing"]] == list(map(str, missing))
     assert report["dataset"] is None
     assert not report["ok"]
@@ -75,12 +67,12 @@ def test_options_reach_the_reader(tmp_path):
     write.write_videopose3d(tmp_path, recording)
     write.write_detections(tmp_path / "2d_CPN", recording)
     chosen = ("--detections", tmp_path / "2d_CPN", "--set", "subjects=S9,")
-    result = invoke("check", "human36m", tmp_path, *chosen, "--json")
+    result = invoke("datasets", "check", "human36m", tmp_path, *chosen, "--json")
     report = json.loads(result.stdout)
     assert report["dataset"]["detector"] == "cpn"
     assert {take["subject"] for take in report["dataset"]["takes"]} == {"S9"}
     (tmp_path / "data_2d_h36m_cpn_ft_h36m_dbb.npz").unlink()
-    assert "No detections" in invoke("check", "human36m", tmp_path).stdout
+    assert "No detections" in invoke("datasets", "check", "human36m", tmp_path).stdout
 
 
 @pytest.mark.parametrize(
@@ -92,6 +84,6 @@ def test_options_reach_the_reader(tmp_path):
     ],
 )
 def test_bad_usage_is_status_2(good, args, word):
-    result = invoke("check", *(good if arg == "ROOT" else arg for arg in args))
+    result = invoke("datasets", "check", *(good if arg == "ROOT" else arg for arg in args))
     assert (result.exit_code, result.stdout) == (2, "")
     assert word in result.stderr

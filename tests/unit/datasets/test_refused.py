@@ -220,22 +220,6 @@ def test_it_is_refused(tmp_path, as_written, name, k):
         assert caught.value.path in [path for path, _ in report.survey.missing]
 
 
-@pytest.mark.parametrize("layout", ["skelsplat", "videopose3d"])
-def test_a_forbidden_class_does_not_run(tmp_path, layout):
-    class Bomb:
-        def __reduce__(self):
-            import os
-
-            return os.mkdir, (str(tmp_path / "made"),)
-
-    h36m(layout)(tmp_path)
-    file, key = {"skelsplat": (POSES, "poses"), "videopose3d": (CPN, "positions_2d")}[layout]
-    np.savez(tmp_path / file, **{key: np.array({"S9": Bomb()}, dtype=object)})
-    with pytest.raises(DatasetError):
-        datasets.read("human36m", tmp_path)
-    assert not (tmp_path / "made").exists()
-
-
 def test_no_root_no_format_two_formats_and_no_subject(tmp_path):
     def field(root, **options):
         with pytest.raises(DatasetError) as caught:
