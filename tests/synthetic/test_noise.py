@@ -48,15 +48,6 @@ def test_without_noise_the_detections_are_the_projections(poses, rig, pixels):
     np.testing.assert_array_equal(seen(poses[0], rig)[..., :2], pixels[0])
 
 
-@pytest.mark.parametrize("noise", [DetectionNoise.noisy(), DetectionNoise.recording_occluded(2)])
-def test_the_seed_decides(poses, rig, noise):
-    def simulate(seed):
-        return seen(poses[:20], rig, noise, seed=seed)
-
-    np.testing.assert_array_equal(simulate(5), simulate(np.random.default_rng(5)))
-    assert (offsets(simulate(5), simulate(6)[..., :2]) > 0).mean() > 0.9
-
-
 def test_jitter_has_the_stated_size_and_is_larger_at_wrists(pixels):
     plain = corrupt(pixels, noise=DetectionNoise(sigma_px=3.0))[..., :2] - pixels
     # 40 800 numbers: 4 standard errors of a standard deviation are 4·3/√(2·40800) = 0.042.

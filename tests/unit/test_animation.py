@@ -16,7 +16,7 @@ from skelsplat import layouts, synthetic
 from skelsplat.cameras import matrix_from_vector
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import FindingWarning
-from skelsplat.io import PoseData, read_pose, write_pose
+from skelsplat.io import PoseData, write_pose
 from skelsplat.io.poses import convert_poses
 
 FPS, T = 50.0, 40
@@ -341,9 +341,3 @@ def test_what_cannot_be_an_animation_is_refused(tmp_path, expected, data):
 def test_a_folder_that_is_not_there_is_an_error(tmp_path, kind):
     with pytest.raises(DatasetError, match="output"):
         write_pose(tmp_path / "none" / f"walk.{kind}", walk(), frame_rate=FPS)
-
-
-def test_animations_are_not_read(tmp_path):
-    write_pose(tmp_path / "walk.bvh", walk(), frame_rate=FPS)
-    with pytest.raises(InvalidInputError, match="which is only written"):
-        read_pose(tmp_path / "walk.bvh")

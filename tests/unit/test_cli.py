@@ -16,7 +16,6 @@ from skelsplat.run import engine
 from skelsplat.run import folder as run_folder
 
 T = 5
-NOISE_PX = 2.0
 
 
 def test_refine_writes_all_results(recording, arguments):
@@ -162,19 +161,6 @@ def test_version_and_python_m():
     assert run.returncode == 2
     assert run.stderr.startswith("error: No such command 'nope'")
     assert run.stderr.count("\n") == 1
-
-
-@pytest.mark.usefixtures("short_sample")
-def test_demo_refines_the_sample(tmp_path):
-    """What it prints of all frames is in docs/tutorial.md."""
-    result = succeed("demo", "-o", tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == RESULTS | {"input"}
-    report = json.loads((tmp_path / "report.json").read_text())
-    assert report["settings"]["method"] == "annealed"
-    assert len(report["cameras_adjusted"]) == 4
-    assert "no ground truth" in " ".join(result.stdout.split())
-    lines = result.stdout.splitlines()
-    assert all(len(line) <= 80 for line in lines if not line.startswith(("Wrote to", "/")))
 
 
 def test_the_demo_with_the_cameras_as_calibrated_doubts_the_one_that_was_turned(tmp_path):

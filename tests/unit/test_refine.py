@@ -149,26 +149,3 @@ def test_refiner_follows_and_finds_again(scene):
     refiner.reset()
     again = refiner.step(scene.detections[0])
     assert np.allclose(again.init_pose, sk.triangulate(scene.detections[0], scene.rig))
-
-
-def test_refiner_takes_one_frame_of_the_same_joints(scene):
-    refiner = sk.Refiner(scene.rig)
-    with pytest.raises(sk.InvalidInputError, match=r"expected one frame \(M, N, 2\|3\) of one person, got 3"):
-        refiner.step(scene.detections)
-    refiner.step(scene.detections[0])
-    with pytest.raises(
-        sk.InvalidInputError, match=r"expected 17 joints, as in the previous frames .*, got 16"
-    ):
-        refiner.step(scene.detections[0, :, :16])
-
-
-def test_the_start_matters_only_where_the_detections_do_not_decide(scene):
-    """However far off, and also with a gross outlier in one view of every joint."""
-    detections = scene.detections.copy()
-    rng = np.random.default_rng(0)
-    frame, joint = np.indices(detections.shape[:1] + detections.shape[2:3])
-    detections[frame, rng.integers(4, size=frame.shape), joint, :2] = rng.uniform(0, 900, (*frame.shape, 2))
-    free = sk.refine(None, detections, scene.rig, layout="h36m17")
-    for offset in (0.0, 500.0, 9000.0):
-        given = sk.refine(scene.pose + offset, detections, scene.rig, layout="h36m17")
-        assert np.array_equal(given.pose, free.pose)

@@ -27,12 +27,6 @@ def test_what_went_in_and_what_came_out_is_read(run_folder, recording):
     np.testing.assert_array_equal(again.pose, read.poses.pose)
 
 
-def test_the_stored_input_can_be_refined_again(run_folder, tmp_path):
-    stored = [run_folder / "cameras.json", run_folder / "detections.npz"]
-    assert invoke("refine", *stored, *READ, "--fps", 50, "-o", tmp_path / "again").exit_code == 0
-    np.testing.assert_array_equal(read_run(tmp_path / "again").poses.pose, read_run(run_folder).poses.pose)
-
-
 @pytest.mark.parametrize(
     ("change", "field"),
     [

@@ -12,34 +12,14 @@ import pytest
 
 import skelsplat as sk
 from skelsplat._lock import locked
-from skelsplat.io import read_run
 from skelsplat.run import PeopleRun, Run
 from skelsplat.run import folder as folders
 from skelsplat.run.frame_range import FrameRange
 from skelsplat.run.overlay import Scene
-from sweeps import swept
 
-# writes a run into the folder that a line names, for as long as lines come
-WRITE = """
-import sys
-import skelsplat.run.folder as folders
-from skelsplat import DatasetError
-from skelsplat.run import Run
-folders.can_draw = lambda: False
-run = Run.open(sys.argv[1])
-print("ready", flush=True)
-for line in sys.stdin:
-    try:
-        run.write(line.strip())
-    except DatasetError as error:
-        print(error, flush=True)
-    else:
-        print("written", flush=True)
-"""
 HOLD = """
 import sys
 from pathlib import Path
-from command_line import assert_fails, invoke
 from skelsplat._lock import locked
 with locked(Path(sys.argv[1])):
     print("held", flush=True)
@@ -47,16 +27,16 @@ with locked(Path(sys.argv[1])):
 """
 
 
-def started(program, argument):
-    """Start a process, and wait for its first line."""
+def holding(folder):
+    """Start a process that holds the lock of a folder, and wait until it does."""
     process = subprocess.Popen(
-        [sys.executable, "-c", program, str(argument)],
+        [sys.executable, "-c", HOLD, str(folder)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
     )
-    assert process.stdout.readline() in ("ready\n", "held\n")
+    assert process.stdout.readline() == "held\n"
     return process
 
 
@@ -74,36 +54,8 @@ def runs(finished_run, tmp_path, monkeypatch):
     return {name: (tmp_path / name, run) for name, run in found.items()}
 
 
-def which(folder):
-    """Return which of the runs a folder holds as a whole; an error if it is a mixture."""
-    read = read_run(folder)
-    assert not list(folder.glob(".*"))
-    return read.report["note"], float(read.poses.pose[0, 0, 0])
-
-
-@pytest.mark.parametrize("rounds", [4, swept(300)])
-def test_of_two_processes_one_writes_and_the_other_is_refused_or_comes_later(runs, tmp_path, rounds):
-    writers = [started(WRITE, folder) for folder, _ in runs.values()]
-    whole = {which(folder) for folder, _ in runs.values()}
-    for k in range(rounds):
-        out = tmp_path / f"out{k % 3}"
-        for writer in writers:
-            print(out, file=writer.stdin, flush=True)
-        said = [writer.stdout.readline() for writer in writers]
-        assert "written\n" in said
-        pids = {f"process {writer.pid} on " for writer in writers}
-        for text in set(said) - {"written\n"}:
-            assert (
-                f"{out}: output: expected a folder into which no other run writes, got one in use by" in text
-            )
-            assert "another process" in text or any(pid in text for pid in pids)
-        assert which(out) in whole
-    for writer in writers:
-        writer.communicate()
-
-
 def test_the_lock_of_a_process_that_was_killed_holds_nothing(tmp_path):
-    process = started(HOLD, tmp_path)
+    process = holding(tmp_path)
     held = rf"in use by process {process.pid} on .* since 20\d\d-"
     with pytest.raises(sk.DatasetError, match=held), locked(tmp_path):
         pass
