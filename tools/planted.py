@@ -109,7 +109,7 @@ cargo --test suite determinism::
 +chunk.par_iter().rev().map(|frame| refine(frame, false)).collect();
 
 the parent's thread pool is used after a fork | threads
-tests/unit/test_processes.py
+tests/unit/test_threads.py
 -kept.as_ref().filter(|k| k.process == process)
 +kept.as_ref().filter(|k| k.process > 0)
 
@@ -261,7 +261,7 @@ tests/unit/test_rig_check.py
 +_FAR_MM = 1500.0
 
 swapped cameras are only searched in pairs | lost hypothesis
-tests/unit/test_rig_check_files.py
+tests/unit/test_rig_check_causes.py
 -yield from list(permutations(range(count)))[1:]
 +yield from (o for o in permutations(range(count)) if sum(i != k for i, k in enumerate(o)) == 2)
 
@@ -377,7 +377,7 @@ tests/unit/test_run_long.py
 +sum(part[name] for part in parts[1:]) for name in _COUNTS
 
 the person nearest to a point is the farthest | wrong person
-tests/unit/test_tracked.py
+tests/unit/test_people_doubts.py
 -nearest = min(away, key=lambda who: away[who])
 +nearest = max(away, key=lambda who: away[who])
 """

@@ -5,7 +5,7 @@ import pytest
 
 import scenes
 import skelsplat as sk
-from reference import floor, rig
+from reference import rig
 from skelsplat import _skelsplat, _world
 
 LENS = np.array([-0.12, 0.04, 1e-3, -5e-4, 0.01])
@@ -57,14 +57,14 @@ def test_the_plane_is_the_least_of_its_twin(seed: int) -> None:
     def slopes(at: np.ndarray) -> np.ndarray:
         given = (middle, sigma, TILT)
         return np.array(
-            [(floor.cost(at + e, *given) - floor.cost(at - e, *given)) / (2 * e.sum()) for e in steps]
+            [(rig.floor_cost(at + e, *given) - rig.floor_cost(at - e, *given)) / (2 * e.sum()) for e in steps]
         )
 
     # Steepness where the plane is, relative to that one standard error beside it.
-    beside = plane + np.sqrt(np.diag(floor.covariance(plane, middle, sigma, TILT)))
+    beside = plane + np.sqrt(np.diag(rig.floor_covariance(plane, middle, sigma, TILT)))
     assert np.abs(slopes(plane)).max() < 1e-3 * np.abs(slopes(beside)).max()
     assert (np.abs(slopes(plane)) < 1e-2 * np.abs(slopes(beside))).all()
-    variance = np.trace(floor.covariance(plane, middle, sigma, TILT)[:2, :2])
+    variance = np.trace(rig.floor_covariance(plane, middle, sigma, TILT)[:2, :2])
     assert error == pytest.approx(np.sqrt(variance), rel=1e-3)
 
 
