@@ -208,7 +208,7 @@ tests/unit/evaluation/test_scores.py
 +means = (times @ (total[used] / number[used])) / n
 
 Human3.6M is evaluated on every 32nd frame instead of every 64th | wrong protocol
-tests/unit/evaluation/test_protocols.py
+tests/unit/evaluation/test_scores.py
 -    subjects=("S9", "S11"),
 -    every=64,
 +    subjects=("S9", "S11"),
@@ -287,7 +287,7 @@ cargo --test suite live::
 +(q * dt.powi(3) / 2.0)
 
 with a lag the live answer is a frame late | off by one
-tests/unit/test_live_rate.py, cargo --test suite live::
+tests/unit/test_live.py, cargo --test suite live::
 -checked_sub(self.lag + 1)
 +checked_sub(self.lag + 2)
 
@@ -362,7 +362,7 @@ tests/unit/test_detect.py
 +points * (image.shape[1], image.shape[1], 1.0)
 
 truth in other units is not converted | wrong unit
-tests/unit/datasets/test_others.py
+tests/unit/datasets/test_come_back.py
 -MM_PER_UNIT[truth_unit] * truth, given.path
 +truth, given.path
 
