@@ -272,13 +272,6 @@ def test_a_camera_that_sees_something_else_is_left_out() -> None:
     assert found.synchronised(detections).shape == (FRAMES, 3, 17, 3)
 
 
-def test_somebody_who_stands_still_does_not_place_cameras() -> None:
-    still = np.repeat(synthetic.motion("wave", 1, fps=FPS, seed=2), FRAMES, axis=0)
-    noise = DetectionNoise.recording(frame_rate=FPS)
-    detections = synthetic.simulate_detections(still, RIG, noise=noise, layout=LAYOUT, seed=2)
-    assert not sk.calibrate_cameras(detections, list(RIG), layout=LAYOUT).sure
-
-
 def test_stature_gives_the_scale() -> None:
     tall, adult = sk.calibrate_cameras(walk(), list(RIG), layout=LAYOUT, stature=1.9), known()
     a, b = (np.asarray(found.cameras[0].centre) - found.cameras[2].centre for found in (tall, adult))

@@ -1,4 +1,4 @@
-"""``skelsplat refine`` over time and in other formats: what it writes, and what it says that it did."""
+"""``skelsplat refine`` over time, in other formats and of joints that one view sees: files and sentences."""
 
 from __future__ import annotations
 
@@ -124,3 +124,51 @@ def test_a_missing_package_is_status_1_before_the_work(arguments, monkeypatch, e
         monkeypatch.setitem(sys.modules, module, None)
     monkeypatch.setattr(engine, "open_files", lambda *_: pytest.fail("it read"))
     assert_fails(invoke(*arguments, *READ, *extra), 1, f"pip install 'skelsplat[{package}]'")
+
+
+FREE = ["--fps", "50", "--frame-by-frame", "--free-bones"]
+
+
+def hide(recording, frame=2):
+    """Let the first view alone see the right wrist in a frame."""
+    folder, rig, _ = recording
+    for name in rig.names[1:]:
+        path = folder / "openpose" / name / f"00000{frame}_keypoints.json"
+        document = json.loads(path.read_text())
+        document["people"][0]["pose_keypoints_2d"][48:51] = [0.0, 0.0, 0.0]
+        path.write_text(json.dumps(document))
+    return folder / "out"
+
+
+@pytest.mark.drawn
+def test_a_joint_that_a_single_view_detects_is_said_to_have_none(recording, arguments):
+    out = hide(recording)
+    result = invoke(*arguments, *READ, *FREE, "--filter", "butterworth")
+    assert "right_wrist (frame 2)" in " ".join(result.stdout.split())
+    data = read_npz(out / "pose.npz")
+    assert data.joint_status[2, 16] == "weak"
+    assert np.isnan(data.pose[2, 16]).all()
+    with (out / "pose.csv").open(newline="") as stream:
+        rows = {(row["frame"], row["joint"]): row for row in csv.DictReader(stream)}
+    row = rows["2", "right_wrist"]
+    assert (row["x"], row["status"], row["n_views"]) == ("", "weak", "0")
+
+
+@pytest.mark.drawn
+def test_gaps_are_filled_at_a_joint_that_a_single_view_detects(recording, arguments):
+    out = hide(recording)
+    assert invoke(*arguments, *READ, *FREE, "--fill-gaps", 1).exit_code == 0
+    assert read_npz(out / "pose.npz").joint_status[2, 16] == "filled"
+
+
+@pytest.mark.drawn
+@pytest.mark.parametrize(("frame", "helps"), [(2, True), (4, False)])
+def test_filling_gaps_is_a_remedy_only_between_frames_that_have_the_joint(recording, arguments, frame, helps):
+    out = hide(recording, frame)
+    assert invoke(*arguments, *READ, *FREE).exit_code == 0
+    (found,) = [
+        finding
+        for finding in json.loads((out / "report.json").read_text())["findings"]
+        if finding["kind"] == "unobserved_joints"
+    ]
+    assert ("fill_gaps" in [remedy["setting"] for remedy in found["remedy"]]) == helps

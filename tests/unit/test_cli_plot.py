@@ -143,16 +143,12 @@ def test_bones_need_a_layout(tmp_path):
         (["--joints", "head,tail"], 2, ["--joints", "'tail'"]),
         (["--layout", "body25"], 2, ["--layout", "body25"]),
         (["--range", "99-"], 2, ["--range", "99"]),
+        (["--only", "errors"], 1, ["walk.npz", "errors per camera"]),
     ],
 )
 def test_a_wrong_option_is_named(tmp_path, options, status, parts):
     path = written(tmp_path / "walk.npz", h36m())
     assert_fails(invoke("plot", path, *options), status, *parts)
-
-
-def test_a_figure_that_cannot_be_drawn_is_a_failure(tmp_path):
-    path = written(tmp_path / "walk.npz", h36m())
-    assert_fails(invoke("plot", path, "--only", "errors"), 1, "walk.npz", "errors per camera")
 
 
 def test_wrong_input_is_named(tmp_path):
