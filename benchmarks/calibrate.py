@@ -1,7 +1,6 @@
 """No calibration: what `skelsplat.calibrate_cameras` finds from people's detections.
 
     python benchmarks/calibrate.py [--views 4] [--cases known --cases "known, useless"] [--takes 20]
-    python benchmarks/calibrate.py --each --seed 40        every take by itself
     python benchmarks/calibrate.py --real FOLDER [--subjects S1]      Human3.6M, of tools/h36m_hourglass.py
     python benchmarks/calibrate.py --cases known --peers OpenCV --peers Aniposelib      others, known lenses
 
@@ -85,7 +84,6 @@ UNITS = {"°": 1.0, "mm": 1.0, "focal %": 100.0, "frames": 1.0}
 class Recording:
     """Detections without a calibration, and what should be found."""
 
-    name: str
     detections: FloatArray  # (T, M, N, 2|3)
     true: list[sk.Camera]
     late: FloatArray  # frames
@@ -102,21 +100,20 @@ class Recording:
         return bool((np.nanmax(path, axis=0) - np.nanmin(path, axis=0)).max() >= MOVES_MM)
 
 
-def motion(frames: int, seed: int) -> tuple[str, FloatArray]:
+def motion(frames: int, seed: int) -> FloatArray:
     """Return takes of a subject in turn, blended into each other."""
     rng, every = np.random.default_rng(seed), recordings.motions()
-    names = [str(rng.choice(list(every)))]
-    own, poses = [name for name in every if name.split("_")[0] == names[0].split("_")[0]], every[names[0]]
+    first = str(rng.choice(list(every)))
+    own, poses = [name for name in every if name.split("_")[0] == first.split("_")[0]], every[first]
     while len(poses) < frames:
-        names.append(str(rng.choice(own)))
-        new, end = every[names[-1]], poses[-1, 0] * [1.0, 1.0, 0.0]
+        new, end = every[str(rng.choice(own))], poses[-1, 0] * [1.0, 1.0, 0.0]
         headings = [matrix_from_vector([0.0, 0.0, angle]) for angle in rng.uniform(0, 2 * np.pi, HEADINGS)]
         tries = [(new - new[0, 0] * [1.0, 1.0, 0.0]) @ turn + end for turn in headings]
         new = min(tries, key=lambda one: np.abs(one[:, 0, :2] - poses[0, 0, :2]).max())
         part = np.linspace(0, 1, BLEND)[:, None, None]
         poses = np.concatenate([poses, poses[-1] * (1 - part) + new[0] * part, new[1:]])
     start = rng.integers(len(poses) - frames + 1)
-    return f"{seed} {names[0]}+{len(names) - 1}", poses[start : start + frames]
+    return poses[start : start + frames]
 
 
 def simulated(views: int, seed: int, case: str) -> Recording:
@@ -135,8 +132,7 @@ def simulated(views: int, seed: int, case: str) -> Recording:
         late[1:] = rng.uniform(-SPREAD_S, SPREAD_S, views - 1) * FPS
     extra = round(SPREAD_S * FPS) + 1 if late.any() else 0
     frames = (2 if extra else 1) * FRAMES
-    name, poses = motion(frames + 2 * extra, seed)
-    poses = recordings.placed(poses, sk.CameraRig(cameras), seed)
+    poses = recordings.placed(motion(frames + 2 * extra, seed), sk.CameraRig(cameras), seed)
 
     def seen(poses: FloatArray, i: int) -> FloatArray:
         moved = at(poses, -late[i])[extra : extra + frames]
@@ -145,9 +141,9 @@ def simulated(views: int, seed: int, case: str) -> Recording:
     detections = np.stack([seen(poses, i) for i in range(views)], axis=1)
     useless = int(rng.integers(views)) if "useless" in case else None
     if useless is not None:
-        other = motion(frames + 2 * extra, 10_000 + seed)[1]
+        other = motion(frames + 2 * extra, 10_000 + seed)
         detections[:, useless] = seen(recordings.placed(other, sk.CameraRig(cameras), seed), useless)
-    return Recording(name, detections, cameras, late, poses[extra : extra + frames], useless)
+    return Recording(detections, cameras, late, poses[extra : extra + frames], useless)
 
 
 def crowded(views: int, seed: int, case: str) -> Recording:
@@ -173,7 +169,7 @@ def crowded(views: int, seed: int, case: str) -> Recording:
     everyone = [shown(one) for one in scene.detections()]
     people, truth = shown(scene.people), scene.truth[0, extra:][:frames]
     oracle = one_after_another(everyone, round(2 * SPREAD_S * FPS))
-    return Recording(str(seed), people, list(rig), late, truth, oracle=oracle)
+    return Recording(people, list(rig), late, truth, oracle=oracle)
 
 
 def filmed(path: Path, case: str) -> Recording:
@@ -189,7 +185,7 @@ def filmed(path: Path, case: str) -> Recording:
         truth = z["gt3d"][REAL_FRAMES, 0][:, [match[k] for k in REAL_JOINTS]].astype(float)
     late = REAL_CLOCKS if "clocks" in case else np.zeros(len(true))
     views = [shifted(detections[:, i], -late[i]) for i in range(len(true))]
-    return Recording(path.stem, np.stack(views, axis=1), true, late, truth, None, BODY, 25.0)
+    return Recording(np.stack(views, axis=1), true, late, truth, None, BODY, 25.0)
 
 
 def similarity(a: FloatArray, b: FloatArray, turns: FloatArray | float = 0.0) -> tuple[FloatArray, float]:
@@ -345,16 +341,15 @@ def table(
     cases: Iterable[str],
     takes: Sequence[Any],
     recorded: Callable[[Any, str], Recording],
-    each: bool,
     peers: Sequence[str] = (),
 ) -> Table:
-    """Measure the takes of every case: those in which the person moves and the others, or each."""
+    """Measure the takes of every case: those in which the person moves, and the others."""
     found: dict[str, list[dict[str, Any]]] = {}
     for case, take in product(cases, takes):
         one = recorded(take, case)
-        group = f"{case}: {'moves' if one.moves else 'other'}"
-        own = f"{group}, {one.name}" if each else group
-        found.setdefault(own, []).append(measured(one, case, peers))
+        found.setdefault(f"{case}: {'moves' if one.moves else 'other'}", []).append(
+            measured(one, case, peers)
+        )
     rows: dict[str, dict[str, str | float]] = {}
     for name, every in found.items():
         rows[name] = {"takes": str(len(every))}
@@ -374,7 +369,6 @@ def calibrate(
     cases: tuple[str, ...] = (),
     takes: int = 20,
     seed: int = 0,
-    each: bool = False,
     real: Path | None = None,
     subjects: tuple[str, ...] = ("S1", "S5", "S6", "S7", "S8"),
     peers: tuple[str, ...] = (),
@@ -384,7 +378,7 @@ def calibrate(
     if real is not None:
         paths = sorted(path for path in real.glob("*.npz") if path.stem.split("_")[0] in subjects)
         title = f"{len(paths)} real takes, Human3.6M, {', '.join(subjects)}"
-        yield table(title, cases or REAL_CASES, paths, filmed, each, peers)
+        yield table(title, cases or REAL_CASES, paths, filmed, peers)
         return
     for n in views:
         # Two views tell no focal lengths, and three not which of them is useless.
@@ -392,7 +386,7 @@ def calibrate(
             case for case in cases or CASES if n >= (4 if "useless" in case else 2 if "known" in case else 3)
         ]
         seeds, title = range(seed, seed + takes), f"{n} views, {takes} takes, simulated"
-        yield table(title, fit, seeds, partial(simulated, n), each, peers)
+        yield table(title, fit, seeds, partial(simulated, n), peers)
 
 
 if __name__ == "__main__":

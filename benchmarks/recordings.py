@@ -23,7 +23,7 @@ from skelsplat.evaluation.methods import butterworth as filtered
 from skelsplat.synthetic import DetectionNoise
 
 CAPTURE_HZ = 30
-CONDITIONS = ("good", "occluded 2", "occluded 3", "heavy", "swaps")
+CONDITIONS = ("good", "occluded 2", "occluded 3", "heavy")
 # Acceleration of a joint, m/s², that none of the undamaged takes reaches (246).
 _LARGEST_ACCELERATION = 250.0
 # Takes in which the whole body moves back and forth within tenths of a second while it walks and runs.
@@ -32,8 +32,6 @@ _DAMAGED = ("07_12", "09_10")
 _FEWEST_FRAMES = 25
 # Headings that are tried until the person stays in view.
 _HEADINGS = 24
-# Share of the frames of `swaps` in which a limb, and everything in a view, is exchanged.
-_LIMB_SWAPS, _VIEW_SWAPS = 0.05, 0.02
 
 
 @dataclass(frozen=True)
@@ -57,8 +55,6 @@ def noise(condition: str, n_views: int, fps: float) -> DetectionNoise:
     usual = DetectionNoise.recording(frame_rate=fps)
     if condition == "good":
         return usual
-    if condition == "swaps":
-        return replace(usual, limb_swap_rate=_LIMB_SWAPS, view_swap_rate=_VIEW_SWAPS)
     hidden = min(2 if condition == "occluded 2" else 3, n_views - 1)
     return DetectionNoise.recording_occluded(hidden, heavy=condition == "heavy", frame_rate=fps)
 
@@ -159,14 +155,14 @@ class Solved:
 Method = Callable[[Take], Solved]
 
 
-def _given(take: Take, **fields: object) -> dict[str, object]:
+def _given(take: Take) -> dict[str, object]:
     """Return the arguments that all have in common."""
-    return {"layout": take.scene.layout, "config": sk.RefineConfig(n_threads=1, **fields)}
+    return {"layout": take.scene.layout, "config": sk.RefineConfig(n_threads=1)}
 
 
-def frames(take: Take, **fields: object) -> Solved:
+def frames(take: Take) -> Solved:
     """`sk.refine`, every frame by itself."""
-    result = sk.refine(None, take.scene.detections, take.scene.rig, **_given(take, **fields))
+    result = sk.refine(None, take.scene.detections, take.scene.rig, **_given(take))
     return Solved(result.pose, result.uncertainty)
 
 
@@ -219,7 +215,6 @@ def anipose(take: Take, **tuned: float) -> Solved:
 _TUNED = {"n_deriv_smooth": 2, "reproj_error_threshold": 5}
 
 METHODS: dict[str, Method] = {
-    "free": partial(frames, bones="free"),
     "frames": frames,
     "refiner": refiner,
     "live": partial(refiner, fps=True),

@@ -5,7 +5,7 @@
 Motions of the CMU motion capture in a Human3.6M-like room; the detections are simulated, with errors that
 last (`skelsplat.synthetic.Memory`), and all methods get the same. `--takes` is a spread sample of 92 takes
 (all), `--names` one of them, such as 05_17, and `--frames` the middle part of longer ones. Conditions: good,
-occluded 2, occluded 3, heavy, swaps. Without `--confidence` the methods get no confidences: simulated ones
+occluded 2, occluded 3, heavy. Without `--confidence` the methods get no confidences: simulated ones
 know too well what is hidden. Names, conditions and methods may be repeated.
 
 mean, median, p95: distance to the truth, mm, of the joints that at least two views detect; `answered` is the
@@ -106,20 +106,6 @@ def parts(takes: list[Take]) -> dict[str, Masks]:
     return masks
 
 
-def setbacks(results: dict[str, Errors], takes: list[Take]) -> list[str]:
-    """Return a line per method on the takes in which it is worse than frame by frame, by its mean error."""
-    means = {name: np.array([np.nanmean(part) for part in found.distance]) for name, found in results.items()}
-    if "frames" not in means:
-        return []
-    reference, lines = means.pop("frames"), []
-    for name, mean in means.items():
-        ratio = mean / reference
-        worst = int(ratio.argmax())
-        change = f"at worst {100 * (ratio[worst] - 1):+.0f} % ({takes[worst].name})"
-        lines.append(f"{name}: worse than frames in {(ratio > 1).sum()} of {len(takes)} takes, {change}")
-    return lines
-
-
 def sequences(
     *,
     takes: int | None = None,
@@ -127,7 +113,7 @@ def sequences(
     frames: int | None = None,
     views: int = 4,
     fps: int = 30,
-    conditions: tuple[str, ...] = recordings.CONDITIONS[:4],
+    conditions: tuple[str, ...] = recordings.CONDITIONS,
     methods: tuple[str, ...] = USUAL,
     confidence: bool = False,
     joints: bool = False,
@@ -141,7 +127,7 @@ def sequences(
         n_frames = sum(len(take.scene.truth) for take in found)
         title = f"{condition}: {views} views, {fps} Hz, {n_frames} frames, simulated detections"
         rows = {name: errors.row() for name, errors in results.items()}
-        yield Table.of(title, "method", rows, setbacks(results, found))
+        yield Table.of(title, "method", rows)
         if joints:
             by_part = {
                 f"{name}, {part}": errors.row(masks)

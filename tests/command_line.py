@@ -33,6 +33,13 @@ def invoke(*args):
     return CliRunner().invoke(app, [str(arg) for arg in args], env={"COLUMNS": "80"})
 
 
+def succeed(*args):
+    """Run a command that has to succeed; return what came of it."""
+    result = invoke(*args)
+    assert result.exit_code == 0, result.output
+    return result
+
+
 def read_report(out):
     return json.loads((out / "report.json").read_text())
 

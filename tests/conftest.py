@@ -1,4 +1,4 @@
-"""What all tests share, and the scenes of the twin and the parity tests; tests/unit has one of its own."""
+"""What all tests share; tests/unit has one of its own."""
 
 from __future__ import annotations
 
@@ -17,13 +17,10 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-import scenes
 import skelsplat as sk
-from reference import total
 from skelsplat.run import Run, by_everybody, figures
 
 # Looking for garbage among tests and modules, which all stay, takes a sixth of collecting them.
@@ -99,25 +96,3 @@ def _undrawn(_: Run, folder: Path) -> list[str]:
     for name in names:
         _unpainted(None, folder / name)
     return names
-
-
-SCENES = {"three_joints": scenes.three_joints, "beyond_the_image": scenes.beyond_the_image}
-
-
-def assert_no_pixel_changes_class(scene: scenes.Scene) -> None:
-    """No step of the central differences may move a pixel over a threshold: there the loss has a kink."""
-    for group, step in scenes.STEPS.items():
-        for index in np.ndindex(getattr(scene.gaussians, group).shape):
-            here = total.membership(scene.gaussians, scene.detections, scene.views, index[0])
-            for sign in (-1, 1):
-                there = scenes.moved(scene.gaussians, group, index, sign * step)
-                after = total.membership(there, scene.detections, scene.views, index[0])
-                assert all(np.array_equal(a, b) for a, b in zip(here, after, strict=True)), (group, index)
-
-
-@pytest.fixture(scope="module", params=SCENES)
-def scene(request: pytest.FixtureRequest) -> scenes.Scene:
-    """Give a scene whose loss has no kink within the steps of the central differences."""
-    built = SCENES[request.param]()
-    assert_no_pixel_changes_class(built)
-    return built

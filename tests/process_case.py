@@ -1,6 +1,6 @@
 """Programs that start processes: ``python process_case.py NAME`` prints what came of one.
 
-Run as scripts by tests/unit/test_processes.py, since what they try may hang, and since spawned workers import
+Run as scripts by tests/unit/test_threads.py, since what they try may hang, and since spawned workers import
 their main module.
 """
 

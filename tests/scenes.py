@@ -1,6 +1,5 @@
 """Small scenes for the tests: rigs, skeletons, detections. Lengths in mm; nothing here needs the package."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -129,39 +128,6 @@ def beyond_the_image(seed: int = 5) -> Scene:
 def person(seed: int = 7) -> Scene:
     """Make the Human3.6M-17 skeleton, small in the image."""
     return make_scene(H36M_POSE, 40.0, small_rig(focal=170.0, distance=3500.0), seed)
-
-
-Evaluate = Callable[[Gaussians], float]
-
-
-def moved(gaussians: Gaussians, group: str, index: tuple[int, ...], step: float) -> Gaussians:
-    """Copy with one number of one group ("means", "log_scales", "quaternions") moved by `step`."""
-    values = getattr(gaussians, group).copy()
-    values[index] += step
-    return gaussians._replace(**{group: values})
-
-
-STEPS = {"means": 5e-5, "log_scales": 2e-6, "quaternions": 2e-6}
-"""Steps of the central differences (mm, 1, 1).
-
-Each moves the rim of a splat by about 1e-5 px, so that pixels hardly ever cross the 1/255 cut (`membership`
-says if one did). The loss is about 0.1 with rounding near 1e-17, so a difference quotient is good to 1e-12
-per mm against gradients of 1e-3 per mm (and 1e-11 against 1e-2 for the others): 1e-9 relative. Truncation,
-(step/σ)², is below that.
-"""
-
-
-def central_differences(
-    evaluate: Evaluate, gaussians: Gaussians, steps: dict[str, float] = STEPS
-) -> Gaussians:
-    """Differentiate `evaluate` by every number of the skeleton."""
-    slopes = Gaussians(*(np.zeros_like(values) for values in gaussians))
-    for group, step in steps.items():
-        for index in np.ndindex(getattr(gaussians, group).shape):
-            above = evaluate(moved(gaussians, group, index, step))
-            below = evaluate(moved(gaussians, group, index, -step))
-            getattr(slopes, group)[index] = (above - below) / (2 * step)
-    return slopes
 
 
 def worst_relative_error(found: Array, expected: Array) -> float:

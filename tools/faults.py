@@ -5,8 +5,8 @@
 A fault is an exact text of the source and its replacement (`planted.py`). The text must occur exactly once,
 in any source file. The tests expected to find the fault run first. If they pass, the whole short suite
 (`make test`) runs, and then the sweeps, which only `make test-all` runs. It needs the environment that
-`make test` sets up, and cargo for faults in Rust, adds a row per fault to FOLDER/found.md, the table of
-docs/decisions.md, and leaves out the faults that have one.
+`make test` sets up, and cargo for faults in Rust, adds a row per fault to the table FOLDER/found.md, and
+leaves out the faults that have one.
 """
 
 from __future__ import annotations

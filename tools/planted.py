@@ -109,7 +109,7 @@ cargo --test suite determinism::
 +chunk.par_iter().rev().map(|frame| refine(frame, false)).collect();
 
 the parent's thread pool is used after a fork | threads
-tests/unit/test_processes.py
+tests/unit/test_threads.py
 -kept.as_ref().filter(|k| k.process == process)
 +kept.as_ref().filter(|k| k.process > 0)
 
@@ -208,7 +208,7 @@ tests/unit/evaluation/test_scores.py
 +means = (times @ (total[used] / number[used])) / n
 
 Human3.6M is evaluated on every 32nd frame instead of every 64th | wrong protocol
-tests/unit/evaluation/test_protocols.py
+tests/unit/evaluation/test_scores.py
 -    subjects=("S9", "S11"),
 -    every=64,
 +    subjects=("S9", "S11"),
@@ -261,7 +261,7 @@ tests/unit/test_rig_check.py
 +_FAR_MM = 1500.0
 
 swapped cameras are only searched in pairs | lost hypothesis
-tests/unit/test_rig_check_files.py
+tests/unit/test_rig_check_causes.py
 -yield from list(permutations(range(count)))[1:]
 +yield from (o for o in permutations(range(count)) if sum(i != k for i, k in enumerate(o)) == 2)
 
@@ -287,7 +287,7 @@ cargo --test suite live::
 +(q * dt.powi(3) / 2.0)
 
 with a lag the live answer is a frame late | off by one
-tests/unit/test_live_rate.py, cargo --test suite live::
+tests/unit/test_live.py, cargo --test suite live::
 -checked_sub(self.lag + 1)
 +checked_sub(self.lag + 2)
 
@@ -362,7 +362,7 @@ tests/unit/test_detect.py
 +points * (image.shape[1], image.shape[1], 1.0)
 
 truth in other units is not converted | wrong unit
-tests/unit/datasets/test_others.py
+tests/unit/datasets/test_come_back.py
 -MM_PER_UNIT[truth_unit] * truth, given.path
 +truth, given.path
 
@@ -377,7 +377,7 @@ tests/unit/test_run_long.py
 +sum(part[name] for part in parts[1:]) for name in _COUNTS
 
 the person nearest to a point is the farthest | wrong person
-tests/unit/test_tracked.py
+tests/unit/test_people_doubts.py
 -nearest = min(away, key=lambda who: away[who])
 +nearest = max(away, key=lambda who: away[who])
 """

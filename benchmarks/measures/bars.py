@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 import recordings
 from lab import Table, about
-from recordings import Take
+from recordings import CONDITIONS, Take
 from scenarios import NOISES, POSES, Fields, FloatArray, covered, mvor, scene
 
 import skelsplat as sk
@@ -20,7 +20,6 @@ VIEWS = (3, 4, 8)
 # MVOR's labels are good to ±50 mm in space, which is this per axis.
 LABEL_SIGMA_MM = 30.0
 SIGMAS_PX = (1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0)
-CONDITIONS = ("good", "occluded 2", "occluded 3", "heavy")
 # Angles whose true value is smaller cannot err downwards.
 STRAIGHT_DEG = 10.0
 # Limbs closer to the axis through both sides hardly have a flexion: cosine of the true abduction, 60°.

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from lab import Table, about
+from recordings import CONDITIONS
 from recordings import noise as recorded
 from scenarios import NOISES, Fields, FloatArray, Scene, covered, missing, scene
 
@@ -15,7 +16,6 @@ from skelsplat import synthetic
 
 START_MM = 40.0  # MPJPE of the fused monocular start
 SWAPPED = replace(NOISES["good"], limb_swap_rate=0.05, view_swap_rate=0.02)
-CONDITIONS = ("good", "occluded 2", "occluded 3", "heavy")  # occluded as in recordings
 # Bodies: factor on the whole body, and on forearms and shanks.
 BODIES = {"0.9 m": (0.51, 1.0), "2.1 m": (1.2, 1.0), "long limbs": (1.0, 1.1)}
 LIMBS = ((12, 13), (15, 16), (5, 6), (2, 3))

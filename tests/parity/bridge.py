@@ -19,17 +19,11 @@ def rig(views: Sequence[View]) -> sk.CameraRig:
     return sk.CameraRig([camera(view) for view in views], unit="mm")
 
 
-def loss_and_gradient(
-    scene: Scene, gaussians: Gaussians | None = None, **settings: object
-) -> sk.LossAndGradient:
-    """Call the package on a scene, or on other Gaussians with the scene's pseudo ground truth.
-
-    `settings` change the paper's.
-    """
+def loss_and_gradient(scene: Scene, **settings: object) -> sk.LossAndGradient:
+    """Call the package on a scene; `settings` change the paper's."""
     layout = settings.pop("layout", None)
-    current = scene.gaussians if gaussians is None else gaussians
     return sk.loss_and_gradient(
-        *current,
+        *scene.gaussians,
         scene.detections,
         rig(scene.views),
         layout=layout,

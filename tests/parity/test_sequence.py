@@ -9,7 +9,7 @@ import pytest
 import scenes
 import skelsplat as sk
 from parity.bridge import rig
-from reference import noise, sequence
+from reference import sequence
 from reference.arrays import Array
 from reference.rays import Rays, make_rays
 from skelsplat import _skelsplat
@@ -82,10 +82,10 @@ def test_the_equations_are_those_of_the_twin(fps: float) -> None:
     assert np.abs(gradient - slope).max() <= 1e-9 * np.abs(slope).max()
     assert np.linalg.eigvalsh(expected)[0] > -1e-9
 
-    squares, left = noise.residuals(poses, rays, given, weights)
+    squares, left = sequence.residuals(poses, rays, given, weights)
     mirrors = {b: a for a, b in H36M.left_right}
     classes = np.array([mirrors.get(j, j) for j in range(17)])
-    variance, wrong = noise.learnt(squares, left, given.variance, classes)
+    variance, wrong = sequence.learnt(squares, left, given.variance, classes)
     assert scales == pytest.approx(variance.T, rel=1e-9)
-    assert factors == pytest.approx(noise.in_time(squares, left, variance, wrong, fps), rel=1e-9)
+    assert factors == pytest.approx(sequence.in_time(squares, left, variance, wrong, fps), rel=1e-9)
     assert np.ptp(factors) > 0.01

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import invoke
+from command_line import invoke, succeed
 from skelsplat.io import read_calibration, read_detections, read_pose, sample
 
 pytest.importorskip("mediapipe", reason="needs the extra mediapipe, which needs NumPy 1")
@@ -22,8 +22,7 @@ def pose(tmp_path_factory, data):
     if not videos.is_dir():
         pytest.skip(f"needs the recording's videos in {videos}")
     folder = tmp_path_factory.mktemp("detect") / "pose"
-    result = invoke("detect", videos, "-o", folder, "--range", f"0-{FRAMES - 1}", "--json")
-    assert result.exit_code == 0, result.output
+    result = succeed("detect", videos, "-o", folder, "--range", f"0-{FRAMES - 1}", "--json")
     document = json.loads(result.stdout)
     assert [camera["new"] for camera in document["cameras"]] == [FRAMES] * 4
     assert [camera["empty"] for camera in document["cameras"]] == [0] * 4
@@ -33,8 +32,7 @@ def pose(tmp_path_factory, data):
 def test_two_commands_lead_from_videos_to_openposes_joints(pose, tmp_path):
     paths = sample.extract(tmp_path)
     out = tmp_path / "out"
-    result = invoke("refine", paths.calibration, pose, "-o", out, "--unit", "m", "-q")
-    assert result.exit_code == 0, result.output
+    succeed("refine", paths.calibration, pose, "-o", out, "--unit", "m", "-q")
     found = read_pose(out / "pose.npz").in_unit("mm")
     assert (found.joint_names, found.frame_rate) == (tuple(sk.layouts.MEDIAPIPE33.joints), 60.0)
     rig = read_calibration(paths.calibration, unit=sample.UNIT)

@@ -7,9 +7,8 @@ import numpy as np
 
 from reference import raster
 from reference.arrays import Array, Gaussians, Mask, Projected, View
-from reference.camera import to_camera
 from reference.gaussian import covariance_gradient, covariances
-from reference.projection import clamped_ratios, project_gaussians, projection_gradient
+from reference.projection import project_gaussians, projection_gradient
 from reference.symmetry import Pairs, symmetry
 
 SYMMETRY_WEIGHT = 1e-5
@@ -121,24 +120,3 @@ def loss_and_gradient(
     d_means = gradient.means + symmetry_weight * mm_per_unit**2 * d_squared
     loss = render + symmetry_weight * in_mm2
     return LossAndGradient(loss, render, in_mm2, gradient._replace(means=d_means))
-
-
-def membership(
-    gaussians: Gaussians, detections: Array, views: Sequence[View], joint: int | None = None
-) -> list[Array]:
-    """Tell what must not change for the loss to be smooth, per view and seen joint (or one `joint`).
-
-    First each pixel's class (H,W): 0 cut, 1 smooth, 2 clamped at 0.99; then (2,), 1 where J's ratio is free
-    and 0 where it is clamped. Central differences hold only if none changes.
-    """
-    joints = range(len(gaussians.means)) if joint is None else [joint]
-    classes: list[Array] = []
-    for points, view in zip(detections, views, strict=True):
-        projected = project_detected(gaussians, points, view)
-        for j in joints:
-            if projected.seen[j]:
-                bell = raster.bell(projected.means2d[j], projected.covariances2d[j], view.size)
-                classes.append((bell >= raster.CUT).astype(float) + (bell >= raster.ALPHA_MAX))
-                ratios = clamped_ratios(to_camera(gaussians.means[j], view.R, view.t), view)
-                classes.append(np.array([float(ratio.free) for ratio in ratios]))
-    return classes

@@ -12,7 +12,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import skelsplat as sk
-from command_line import READ, invoke
+from command_line import READ, succeed
 from skelsplat import synthetic
 from skelsplat.io import sample, write_calibration
 from skelsplat.run import Job
@@ -75,8 +75,7 @@ def finished_run(tmp_path_factory) -> Path:
     """Return the folder of a run over the recording; not to be written to, see `run_folder`."""
     folder, _, _ = write_recording(tmp_path_factory.mktemp("finished"))
     given = ["refine", folder / "Calib.toml", folder / "openpose", *READ, "--fps", 50, "--write", "csv"]
-    result = invoke(*given, "-o", folder / "out")
-    assert result.exit_code == 0, result.output
+    succeed(*given, "-o", folder / "out")
     return folder / "out"
 
 

@@ -10,7 +10,7 @@ import pytest
 
 import calibration_files as files
 import skelsplat as sk
-from command_line import assert_fails, invoke
+from command_line import assert_fails, invoke, succeed
 from rig_case import turned
 from skelsplat import synthetic
 from skelsplat.findings import Finding, Remedy
@@ -63,8 +63,7 @@ def test_the_turned_camera_is_corrected_and_the_others_are_as_they_were(room):
 def test_the_command_writes_the_calibration_and_says_what_was_adjusted(room, tmp_path):
     out = tmp_path / "fixed.toml"
     command = ["adjust-cameras", room / "old.toml", room / "pose", "-o", out, *LAYOUT]
-    result = invoke(*command)
-    assert result.exit_code == 0, result.output
+    result = succeed(*command)
     assert max(map(len, result.stdout.splitlines()[:-1])) <= 80  # the last has the path
     assert " cam3 adjusted " in " ".join(result.stdout.split())
     assert f"Wrote 4 cameras to {out}, lengths in m." in result.stdout
@@ -74,8 +73,7 @@ def test_the_command_writes_the_calibration_and_says_what_was_adjusted(room, tmp
     assert_fails(
         invoke(*command), 1, "fixed.toml: output: expected no file of this name (--force replaces it)"
     )
-    again = invoke("adjust-cameras", out, room / "pose", "-o", tmp_path / "more.json", *LAYOUT)
-    assert again.exit_code == 0
+    again = succeed("adjust-cameras", out, room / "pose", "-o", tmp_path / "more.json", *LAYOUT)
     assert again.stdout.endswith("more.json was not written.\n")
     assert not (tmp_path / "more.json").exists()
 
@@ -95,8 +93,7 @@ def test_outputs_and_names_that_are_refused(room, tmp_path):
 def test_named_cameras_focal_lengths_and_clocks(room, tmp_path):
     out = tmp_path / "fixed.json"
     options = ["-o", out, *LAYOUT, "--move", "CAM_3", "--focal", "--clock", "--person", "entry:0"]
-    result = invoke("adjust-cameras", room / "old.toml", room / "pose", *options)
-    assert result.exit_code == 0, result.output
+    result = succeed("adjust-cameras", room / "old.toml", room / "pose", *options)
     assert max(map(len, result.stdout.splitlines()[:-1])) <= 80  # the last has the path
     assert json.loads(out.read_text())["note"].startswith("skelsplat adjust-cameras: cam3 of")
     document = json.loads(
@@ -240,8 +237,7 @@ def test_check_cameras_ends_with_the_command_that_corrects_them(room, tmp_path, 
     assert (document["refine"], document["adjust"]) == (refined.strip(), line.strip())
     assert {"setting": "adjust_cameras", "value": True} in document["findings"][0]["remedy"]
     assert invoke(*words[1:]).exit_code == 0
-    checked = invoke("check-cameras", "fixed.toml", room / "pose", *LAYOUT, "--json")
-    assert checked.exit_code == 0, checked.output
+    checked = succeed("check-cameras", "fixed.toml", room / "pose", *LAYOUT, "--json")
     assert json.loads(checked.stdout)["adjust"] is None
 
 

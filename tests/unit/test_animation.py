@@ -16,7 +16,7 @@ from skelsplat import layouts, synthetic
 from skelsplat.cameras import matrix_from_vector
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import FindingWarning, collected_warnings
-from skelsplat.io import PoseData, read_pose, write_pose
+from skelsplat.io import PoseData, write_pose
 from skelsplat.io.poses import convert_poses
 
 FPS, T = 50.0, 40
@@ -154,15 +154,6 @@ def test_bvh_places_the_joints_where_the_poses_do(tmp_path):
     bent = own["LeftLeg"][np.argmin(np.einsum("tii->t", own["LeftLeg"]))]
     assert bent[1, 2] == pytest.approx(-bent[2, 1], abs=1e-6)
     assert bent[2, 1] > 0.2
-
-
-@pytest.mark.parametrize("unit", ["m", "mm"])
-def test_bvh_is_in_the_unit_that_is_asked_for(tmp_path, unit):
-    data = walk()
-    write_pose(tmp_path / "walk.bvh", data, frame_rate=FPS, unit=unit)
-    places, *_ = read_bvh(tmp_path / "walk.bvh")
-    factor = {"m": 1000.0, "mm": 1.0}[unit]
-    np.testing.assert_allclose(factor * places["LeftFoot"], upright(data.pose, "left_ankle"), atol=1.0)
 
 
 @WITH_GLB
@@ -387,9 +378,3 @@ def test_what_cannot_be_an_animation_is_refused(tmp_path, expected, data):
 def test_a_folder_that_is_not_there_is_an_error(tmp_path, kind):
     with pytest.raises(DatasetError, match="output"):
         write_pose(tmp_path / "none" / f"walk.{kind}", walk(), frame_rate=FPS)
-
-
-def test_animations_are_not_read(tmp_path):
-    write_pose(tmp_path / "walk.bvh", walk(), frame_rate=FPS)
-    with pytest.raises(InvalidInputError, match="which is only written"):
-        read_pose(tmp_path / "walk.bvh")

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from skelsplat.association import choose_person
+import two_people
+from skelsplat import synthetic
+from skelsplat.association import choose_person, separate_people, take_people
 from skelsplat.synthetic import look_at
 
 FRAMES, VIEWS, JOINTS = 6, 4, 12
@@ -120,3 +122,29 @@ def test_a_view_with_exchanged_sides_is_the_same_person_if_the_layout_is_known()
     person[:, 2] = person[:, 2][:, [*range(6, 12), *range(6)]]
     assert (chosen(person)[1][:, 2] == -1).all()
     np.testing.assert_array_equal(chosen(person, layout=layout)[1], 0)
+
+
+# several people
+
+
+ROOM = synthetic.human36m_like()
+
+
+@pytest.fixture(scope="module")
+def people():
+    return two_people.seen(two_people.crossing(), ROOM)
+
+
+def test_people_are_told_apart(people):
+    mixed = two_people.shuffled(people)
+    index = separate_people(mixed, ROOM, layout=two_people.LAYOUT)
+    assert index.shape == (2, two_people.FRAMES, 4)
+    apart = [take_people(mixed, found) for found in index]
+    first = int(not np.array_equal(apart[0], people[:, :, 0]))
+    for found, own in zip(apart, (people[:, :, first], people[:, :, 1 - first]), strict=True):
+        np.testing.assert_array_equal(found, own)
+
+
+def test_a_body_detected_twice_is_one_person(people):
+    twice = np.stack([people[:, :, 0], people[:, :, 0] + [3.0, -2.0, 0.0]], axis=2)
+    assert len(separate_people(twice, ROOM)) == 1

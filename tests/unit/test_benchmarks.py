@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import inspect
 import json
+import re
 import runpy
+import shlex
 import sys
 from collections.abc import Mapping
 from contextlib import redirect_stdout, suppress
@@ -16,9 +18,14 @@ import accuracy
 import numpy as np
 import pytest
 import recordings
+import reproducing
+import typer.main
+from typer.testing import CliRunner
 
 from skelsplat import metrics, synthetic
+from skelsplat.cli import app
 from skelsplat.evaluation.baselines import affinity
+from skelsplat.evaluation.reported import labels, reported
 from skelsplat.evaluation.tables import Table
 from writers import human36m
 
@@ -132,7 +139,7 @@ def test_the_comparison_runs() -> None:
 
 
 def test_the_live_benchmark_runs() -> None:
-    (found,) = run("speed", "live", "--poses", 20, "--people", 2, "--views", 3)
+    (found,) = run("speed", "live", "--poses", 20)
     assert float(found["lines per second"]["measured"]) > 0
 
 
@@ -143,9 +150,46 @@ def test_the_live_benchmark_runs() -> None:
         ("rig", ["--takes", 1, "--views", 3, "--faults", "turn 3", "--faults", "clocks 10"]),
         ("rig", ["--people", 2, "--takes", 1, "--faults", "turn 3"]),
         ("speed", ["refine", "--frames", 100]),
-        ("cases", ["--only", "paws", "--takes", 1]),
         ("speed", ["people", "--frames", 12]),
     ],
 )
 def test_the_other_programs_run(name: str, options: list[object]) -> None:
     assert all(run(name, *options))
+
+
+# docs/measurements.md
+
+
+TEXT = reproducing.DOCUMENT.read_text(encoding="utf-8")
+COMMANDS = reproducing.commands(TEXT)
+MARKERS = reproducing.markers(TEXT)
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_every_command_parses(line: str) -> None:
+    _, name, *arguments = shlex.split(line)
+    command = typer.main.get_command(app).commands[name]  # type: ignore[attr-defined]
+    command.make_context(name, arguments)
+
+
+def test_every_table_of_the_paper_has_its_command() -> None:
+    for label in labels():
+        if label.startswith("tab:") and not label.endswith(":seconds"):
+            number = re.search(r"Table \d+", reported(label).source)
+            assert number is not None
+            assert re.search(rf"^# .*\b{number[0]}\b", TEXT, re.M), label
+    assert any("DATA/" in line for line in COMMANDS)
+
+
+def test_simulated_evaluations_run_as_they_stand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the fewest poses and a quick method."""
+    monkeypatch.chdir(tmp_path)
+    lines = dict.fromkeys(line for marker in MARKERS for line in marker.commands if "ablate" not in line)
+    assert len(lines) >= 10
+    for line in lines:
+        arguments = [a if a != "all" else "dlt" for a in shlex.split(line)[1:]]
+        few = ["--poses", "60"] if arguments[0] == "synth" else []
+        result = CliRunner().invoke(app, [*arguments, *few, "-q"], catch_exceptions=False)
+        assert result.exit_code == 0, (line, result.output)
+    (column,) = [marker.what for marker in MARKERS if marker.what.startswith("column")]
+    assert re.search(r"^\| dlt \| \d+\.\d \|", reproducing.table(column, tmp_path), re.M)

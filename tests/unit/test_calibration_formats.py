@@ -140,18 +140,6 @@ def test_a_wide_vicon_lens_is_followed_by_opencvs_rational_model(tmp_path):
     np.testing.assert_allclose(sk.project((rays - view.t) @ view.R, [camera])[0], measured, atol=0.05)
 
 
-def test_vicons_older_lens_has_two_coefficients_about_the_principal_point(tmp_path):
-    (view,) = files.reference(NAMES[:1], distortion=False)
-    path = files.vicon(tmp_path, [view])
-    old = f'VICON_RADIAL2="Vicon3Parameter {view.K[0, 2] + 4} {view.K[1, 2] - 3} 0 0 0"'
-    path.write_text(path.read_text().replace(old, 'VICON_RADIAL="4e-8 1e-15"'))
-    measured = np.array([[100.0, 100.0], [900.0, 300.0]])
-    offset = (measured - view.K[:2, 2]) * [1, view.K[0, 0] / view.K[1, 1]]
-    r2 = (offset**2).sum(axis=1, keepdims=True)
-    ideal = (measured - view.K[:2, 2]) * (1 + 4e-8 * r2 + 1e-15 * r2**2) + view.K[:2, 2]
-    np.testing.assert_allclose(read_calibration(path)[0].undistort(measured), ideal, atol=0.1)
-
-
 # Camera 1 of Pose2Sim's demo (BSD-3-Clause): the .qca.txt from which its Calib.toml, our sample, was made.
 DEMO = """<calibration><cameras><camera active="1" avg-residual="0.402000" model="none" serial="cam01"
  viewrotation="0"><fov_video bottom="1919" left="0" right="1087" top="0"/>

@@ -1,4 +1,4 @@
-"""Cameras judged and adjusted by several people: who counts, and what follows when they disagree."""
+"""Cameras adjusted, and judged by several people: who counts, and what follows when they disagree."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ import skelsplat as sk
 from rig_case import turned
 from skelsplat import synthetic
 from skelsplat.association import choose_person
+from skelsplat.exceptions import InvalidInputError
 from skelsplat.rig_check import ReadAs, check_rig
 from skelsplat.run.adjusted import findings_of
 from skelsplat.run.by_everybody import Scene, adjusted
+from skelsplat.synthetic import DetectionNoise
 from skelsplat.synthetic.rigs import mixed_heights
 from sweeps import swept
 
@@ -102,3 +104,49 @@ def test_a_camera_that_was_knocked_is_said_with_the_frame(name, degrees, step):
     assert [(one.cameras, one.frames) for one in named] == [(("cam2",), (500 + step * T // 2,))][
         : degrees > 0
     ]
+
+
+# names, units and statuses; the core's tests have the faults
+
+
+RIG = sk.CameraRig(synthetic.human36m_like(), unit="mm")
+TURN = np.array([0.0, 1.5, 0.0])
+KNOCKED = turned(RIG, 2, -TURN)  # its third camera, about its own y axis
+
+
+@pytest.fixture(scope="module")
+def detections() -> np.ndarray:
+    """Simulate a minute of somebody walking about, every 20th frame."""
+    poses = synthetic.motion("walk", 1800, fps=30)[::20]
+    noise = DetectionNoise.recording(frame_rate=1.5)
+    return synthetic.simulate_detections(poses, RIG, noise=noise, seed=3)
+
+
+def test_a_joint_that_one_view_has_wrong_for_twenty_frames_turns_no_camera() -> None:
+    poses, noise = synthetic.motion("walk", 20, fps=30, seed=16), DetectionNoise.recording(frame_rate=30)
+    seen = synthetic.simulate_detections(poses, list(RIG)[:3], noise=noise, layout="h36m17", seed=16)
+    wrong = int(np.random.default_rng(16).integers(17))
+    seen[:, 1, wrong, :2] += 80.0 * np.array([np.cos(16.0), np.sin(16.0)])
+    assert not sk.adjust_cameras(seen, list(RIG)[:3]).of("adjusted", "late")
+
+
+def test_cameras_may_be_named(detections) -> None:
+    by_name, by_number = (sk.adjust_cameras(detections, KNOCKED, free=one) for one in (RIG.names[2], [2]))
+    assert by_name.cameras == by_number.cameras
+    assert [one.status for one in by_name.report] == ["sound", "sound", "adjusted", "sound"]
+    assert repr(by_name) == f"RigAdjustment(cameras={by_name.cameras})"  # not all its numbers
+
+
+def test_a_plain_sequence_of_cameras_is_in_mm(detections) -> None:
+    found = sk.adjust_cameras(detections, list(RIG))
+    assert found.cameras == RIG
+    assert {one.status for one in found.report} == {"sound"}
+    assert all(0.0 < one.turn_sigma < 2.0 for one in found.report)
+    assert all(np.isnan(one.clock_sigma) for one in found.report)
+
+
+@pytest.mark.parametrize("free", [["side"], [4], [-1], [0, 1, 2, 3]])
+def test_a_wrong_choice_of_cameras_is_named(detections, free) -> None:
+    with pytest.raises(InvalidInputError) as caught:
+        sk.adjust_cameras(detections, RIG, free=free)
+    assert caught.value.argument == "free"

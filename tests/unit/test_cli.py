@@ -10,19 +10,17 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import FAST, READ, RESULTS, ROOT, assert_fails, commands, invoke
+from command_line import FAST, READ, RESULTS, ROOT, assert_fails, commands, invoke, succeed
 from skelsplat.io import PoseData, read_npz, read_run, write_npz, write_pose
 from skelsplat.run import engine
 from skelsplat.run import folder as run_folder
 
 T = 5
-NOISE_PX = 2.0
 
 
 def test_refine_writes_all_results(recording, arguments):
     folder, rig, pose = recording
-    result = invoke(*arguments, *READ, *FAST)
-    assert result.exit_code == 0, result.output
+    succeed(*arguments, *READ, *FAST)
     assert {path.name for path in (folder / "out").iterdir()} == RESULTS
     written = read_npz(folder / "out" / "pose.npz")
     assert written.unit == "mm"
@@ -49,8 +47,7 @@ def test_the_printed_table_fits_80_columns_and_counts_missing_detections(argumen
 
 def test_paper_runs_the_papers_preset(recording, arguments):
     folder, _, _ = recording
-    result = invoke(*arguments, *READ, *FAST, "--paper", "--fps", 50)
-    assert result.exit_code == 0, result.output
+    result = succeed(*arguments, *READ, *FAST, "--paper", "--fps", 50)
     assert "Solved frame by frame, as always with the method paper." in result.stdout
     assert {path.name for path in (folder / "out").iterdir()} == RESULTS
     report = json.loads((folder / "out" / "report.json").read_text())
@@ -63,8 +60,7 @@ def test_an_initial_pose_is_read_in_its_own_unit(recording, arguments):
     start = PoseData(pose / 1000.0, tuple(sk.layouts.H36M17.joints), np.arange(T), "m")
     write_npz(folder / "start.npz", start)
     alone = ["--fps", 50, "--frame-by-frame", "--max-steps", 0]
-    result = invoke(*arguments, *READ, *alone, "--init", folder / "start.npz")
-    assert result.exit_code == 0, result.output
+    succeed(*arguments, *READ, *alone, "--init", folder / "start.npz")
     written = read_npz(folder / "out" / "pose.npz")
     np.testing.assert_allclose(written.init_pose, pose, rtol=1e-12)  # one division and one product
     assert rig.unit == written.unit
@@ -165,20 +161,6 @@ def test_version_and_python_m():
     assert run.returncode == 2
     assert run.stderr.startswith("error: No such command 'nope'")
     assert run.stderr.count("\n") == 1
-
-
-@pytest.mark.usefixtures("short_sample")
-def test_demo_refines_the_sample(tmp_path):
-    """What it prints of all frames is in docs/tutorial.md."""
-    result = invoke("demo", "-o", tmp_path)
-    assert result.exit_code == 0, result.output
-    assert {path.name for path in tmp_path.iterdir()} == RESULTS | {"input"}
-    report = json.loads((tmp_path / "report.json").read_text())
-    assert report["settings"]["method"] == "annealed"
-    assert len(report["cameras_adjusted"]) == 4
-    assert "no ground truth" in " ".join(result.stdout.split())
-    lines = result.stdout.splitlines()
-    assert all(len(line) <= 80 for line in lines if not line.startswith(("Wrote to", "/")))
 
 
 def test_the_demo_with_the_cameras_as_calibrated_doubts_the_one_that_was_turned(tmp_path):

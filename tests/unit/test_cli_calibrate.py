@@ -11,7 +11,7 @@ import pytest
 
 import calibration_files as files
 import skelsplat as sk
-from command_line import assert_fails, invoke, read_report
+from command_line import assert_fails, invoke, read_report, succeed
 from report_page import data_of, numbers
 from rig_room import LATE, RIG, write_room
 from skelsplat.io import read_calibration, sample
@@ -38,8 +38,7 @@ def pasted(result):
 def error_after(command, folder):
     """Run a printed command and return the median reprojection error."""
     command[command.index("out")] = str(folder)
-    result = invoke(*command, "--no-html", "--write", "csv")
-    assert result.exit_code == 0, result.output
+    succeed(*command, "--no-html", "--write", "csv")
     return read_report(folder)["reprojection_error"]["all"]["after_px"]
 
 
@@ -53,8 +52,7 @@ def test_the_sample_without_its_places(tmp_path):
     paths, out = sample.extract(tmp_path), tmp_path / "new.toml"
     given = ["calibrate", paths.detections, "-o", out, "--intrinsics", paths.calibration]
     options = [*given, "--layout", "body25b", "--stature", 1.7]  # a bystander does no harm
-    result = invoke(*options)
-    assert result.exit_code == 0, result.output
+    result = succeed(*options)
     assert max(map(len, result.stdout.splitlines()[:-2])) <= 80  # the last have paths
     assert "%, from the stature; z is up, ± " in result.stdout
     assert f"Wrote 4 cameras to {out}, lengths in mm." in result.stdout
@@ -87,8 +85,7 @@ def test_the_printed_command_makes_late_cameras_step_together(room, tmp_path):
         "CAM_2",
         4.0,
     ]
-    result = invoke("calibrate", room / "late", "-o", out, *LAYOUT, *options)
-    assert result.exit_code == 0, result.output
+    result = succeed("calibrate", room / "late", "-o", out, *LAYOUT, *options)
     command = pasted(result)
     assert {*command} >= {"--fps", "25", "--frames", "union"}
     assert read_calibration(out).clocks == {"cam2": LATE}
@@ -100,8 +97,7 @@ def test_a_useless_camera_is_left_out(room, tmp_path):
     out = tmp_path / "Calib.json"
     options = ["--intrinsics", room / "lenses.toml", "--stature", 1.7, "--fps", 25]
     page = tmp_path / "cameras.html"
-    result = invoke("calibrate", room / "other", "-o", out, *LAYOUT, *options, "--report", page)
-    assert result.exit_code == 0, result.output
+    result = succeed("calibrate", room / "other", "-o", out, *LAYOUT, *options, "--report", page)
     assert "! cam4 was left out" in result.stdout
     rig = read_calibration(out)
     assert rig.names == ("cam1", "cam2", "cam3")
@@ -128,8 +124,7 @@ def test_a_camera_that_agrees_only_at_times_is_named(room, tmp_path):
     for recording, named in (("pose", []), ("mixed", [["cam4"]])):
         config = tmp_path / "config.toml"
         config.write_text(f"detections = ['{room / recording}']\n")
-        result = invoke("calibrate", "--config", config, "-o", tmp_path / f"{recording}.toml", *options)
-        assert result.exit_code == 0, result.output
+        result = succeed("calibrate", "--config", config, "-o", tmp_path / f"{recording}.toml", *options)
         found = [one for one in json.loads(result.stdout)["findings"] if one["kind"] == "camera_disagrees"]
         assert [one["subject"]["cameras"] for one in found] == named
 
@@ -145,8 +140,7 @@ def test_focal_lengths_and_sizes_from_what_the_folder_knows(room, tmp_path):
         writer = cv2.VideoWriter(path, cv2.VideoWriter_fourcc(*"mp4v"), 25.0, RIG[0].size)
         writer.write(np.zeros((*RIG[0].size[::-1], 3), dtype=np.uint8))
         writer.release()
-    result = invoke(*given)
-    assert result.exit_code == 0, result.output
+    result = succeed(*given)
     rig = read_calibration(tmp_path / "a.toml")
     assert rig[0].size == RIG[0].size
     assert rig[0].K[0, 0] == pytest.approx(RIG[0].K[0, 0], rel=0.03)
@@ -221,8 +215,7 @@ def test_refine_without_a_calibration_names_the_command(tmp_path):
 
 def test_the_demo_without_its_calibration_is_compared_with_it(tmp_path, monkeypatch):
     monkeypatch.setattr(folder, "can_draw", lambda: False)
-    result = invoke("demo", "--no-calibration", "-o", tmp_path / "out")
-    assert result.exit_code == 0, result.output
+    result = succeed("demo", "--no-calibration", "-o", tmp_path / "out")
     assert "Error with the cameras found: 7." in result.stdout
     assert read_calibration(tmp_path / "out" / "input" / "Found.toml").unit == "mm"
     assert_fails(invoke("demo", "--people", "--no-calibration"), 2, "cannot be combined with --people")

@@ -1,8 +1,9 @@
-"""`skelsplat convert` of calibrations and `skelsplat check-cameras`: output, exit status, one-line errors."""
+"""`skelsplat convert` of calibrations, `skelsplat check-cameras`, and calibrations of all formats."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,9 +11,10 @@ import pytest
 
 import calibration_files as files
 import skelsplat as sk
-from command_line import assert_fails, invoke
+from command_line import assert_fails, invoke, read_report, succeed
 from skelsplat import synthetic
-from skelsplat.io import read_calibration, write_calibration
+from skelsplat.cameras import MM_PER_UNIT
+from skelsplat.io import read_calibration, read_npz, write_calibration
 
 NAMES = ["54138969", "55011271", "58860488", "60457274"]
 
@@ -34,8 +36,7 @@ def test_convert_keeps_the_cameras(tmp_path, views, write, options, suffix):
     folder = tmp_path / "in"
     folder.mkdir()
     target = tmp_path / f"out{suffix}"
-    result = invoke("convert", write(folder, views), target, "--to-unit", "mm", *options)
-    assert result.exit_code == 0, result.output
+    result = succeed("convert", write(folder, views), target, "--to-unit", "mm", *options)
     assert "Wrote 4 cameras (54138969, 55011271, 58860488, 60457274) to " in " ".join(result.stdout.split())
     assert result.stdout.strip().endswith("lengths in mm.")
     rig = read_calibration(target)
@@ -86,11 +87,10 @@ def options(document, kind):
 
 
 def refined_px(room, detections, out, *given):
-    result = invoke(
+    succeed(
         *("refine", room / "Calib.toml", room / detections, "-o", out, "--layout", "h36m17", "-q"),
         *("--no-html", "--fps", 50, *given),
     )
-    assert result.exit_code == 0, result.output
     return float(np.nanmedian(sk.io.read_npz(out / "pose.npz").reprojection_error))
 
 
@@ -184,3 +184,57 @@ def test_what_is_refused(room, views, tmp_path):
     assert_fails(check(room, "pose", "--frames", "some"), 2, "--frames: expected")
     assert_fails(check(room, "nowhere"), 1, "nowhere: folder")
     assert not out.exists()
+
+
+LAYOUT = ["--layout", "h36m17"]
+# How the file is written, what has to be said of it, its unit, and what the report calls it.
+CALIBRATIONS = [
+    (files.easymocap, ["--unit", "m", "--calibration-format", "easymocap"], "m", "easymocap"),
+    (files.openpose, ["--size", "1000x1002"], "m", "openpose"),
+    (files.panoptic, ["--camera-type", "hd"], "cm", "panoptic"),
+    (files.human36m, ["--subject", "S9"], "mm", "human36m"),
+    (files.qualisys, ["--binning", "1"], "mm", "qualisys"),
+]
+
+
+@pytest.fixture
+def without_lenses():
+    """Four cameras without distortion; their images have one size, which OpenPose has to be told."""
+    return [replace(view, size=(1000, 1002)) for view in files.reference(files.NAMES, distortion=False)]
+
+
+@pytest.mark.parametrize(("write", "options", "unit", "name"), CALIBRATIONS)
+def test_refine_reads_every_format_and_says_which(tmp_path, without_lenses, write, options, unit, name):
+    pose = synthetic.motion("walk", 3, seed=3)
+    cameras = [sk.Camera(v.K, v.R, v.t, size=v.size, name=v.name) for v in without_lenses]
+    np.savez(tmp_path / "detections.npz", detections=sk.project(pose, cameras).swapaxes(0, 1))
+    (tmp_path / "rig").mkdir()
+    given = [write(tmp_path / "rig", without_lenses), tmp_path / "detections.npz", *LAYOUT, *options]
+    succeed("refine", *given, "--order", "sorted", "-q", "--fps", 50, "-o", tmp_path / "out")
+    said = read_report(tmp_path / "out")["input"]
+    assert (said["unit"], said["calibration_format"]) == (unit, name)
+    poses = read_npz(tmp_path / "out" / "pose.npz")
+    assert poses.unit == unit
+    # the files hold six digits: at 4 m a hundredth of a pixel is 0.04 mm; symmetry pulls by less than that
+    np.testing.assert_allclose(poses.pose * MM_PER_UNIT[unit], pose, atol=1.0)
+
+
+@pytest.mark.parametrize("command", ["refine", "check-cameras"])
+@pytest.mark.parametrize(
+    ("write", "options", "option"),
+    [
+        (files.anipose, [], "--unit"),
+        (files.qualisys, ["--unit", "m"], "--unit"),
+        (files.human36m, [], "--subject"),
+        (files.openpose, ["--size", "wide"], "--size"),
+        (files.anipose, ["--calibration-format", "toml"], "--calibration-format"),
+    ],
+)
+def test_what_is_missing_or_wrong_is_status_2_and_names_the_option(
+    tmp_path, without_lenses, command, write, options, option
+):
+    layout = [] if command == "check-cameras" else LAYOUT  # which needs none without detections
+    rest = [tmp_path / "none", "-o", tmp_path / "out"] if command == "refine" else []
+    (tmp_path / "rig").mkdir()
+    result = invoke(command, write(tmp_path / "rig", without_lenses), *rest, *layout, *options)
+    assert_fails(result, 2, f"error: {option}: ", f"{command} --help")

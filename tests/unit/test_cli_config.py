@@ -78,7 +78,6 @@ def test_one_file_for_several_commands(folder):
     text = """
     layout = "h36m17"
     fps = 50
-    seed = 3
     [refine]
     output = "out"
     calibration = "Calib.toml"
@@ -90,13 +89,6 @@ def test_one_file_for_several_commands(folder):
     json = true
     [datasets]
     json = true
-    [datasets.check]
-    name = "synthetic"
-    root = "data"
-    [synth]
-    name = "dome"
-    folder = "data"
-    poses = 12
     """
     (folder / "run.toml").write_text(text)
 
@@ -107,10 +99,6 @@ def test_one_file_for_several_commands(folder):
     assert report(folder)["input"]["frame_rate_hz"] == 50.0
     checked = run("check-cameras")
     assert json.loads(checked.stdout)["detections"] == str(folder / "openpose")
-    made = run("synth")
-    assert "12 poses" in made.stdout
-    assert made.stdout.endswith("seed 3\n")
-    assert json.loads(run("datasets", "check").stdout)["ok"] is True
     assert json.loads(run("datasets", "list").stdout)[0]["name"] == "human36m"
 
 

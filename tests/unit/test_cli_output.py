@@ -13,13 +13,13 @@ import pytest
 from rich.console import Console
 from rich.table import Column, Table
 
-from command_line import ROOT, commands, invoke
+from command_line import ROOT, commands, invoke, succeed
 from skelsplat import synthetic
 from skelsplat._json import plain
-from skelsplat.cli.output import options, print_message, quieter, tell
-from skelsplat.cli.table import print_table
+from skelsplat.cli.output import options, print_findings, print_message, quieter, tell
+from skelsplat.cli.table import new_table, print_parts, print_table
 from skelsplat.datasets.synthetic import write_simulated
-from skelsplat.findings import Finding, Remedy
+from skelsplat.findings import Finding, Remedy, Subject
 from sweeps import swept
 
 COMMANDS = {path: {opt for own in command.params for opt in own.opts} for path, command in commands(ROOT)}
@@ -100,8 +100,7 @@ def cases(recording, dome):
 )
 def test_json_is_a_document_and_quiet_is_silence(cases, name):
     arguments, keys = cases[name]
-    result = invoke(*name.split(), *arguments, "--json")
-    assert result.exit_code == 0, result.output
+    result = succeed(*name.split(), *arguments, "--json")
     document = json.loads(result.stdout, parse_constant=pytest.fail)
     assert keys <= document.keys()
     force = ["--force"] if name == "convert" else []
@@ -197,3 +196,27 @@ def test_a_remedy_that_another_command_has_names_it(command, remedy, words, caps
     finally:
         options.reset(running)
     assert capsys.readouterr().err == f"warning: Something is wrong. Try {words}.\n"
+
+
+def test_a_finding_keeps_its_options_whole():
+    console = Console(file=StringIO(), width=50)
+    remedy = (Remedy("without", "the camera"), Remedy("frame_by_frame"))
+    sentence = "Something is wrong with the camera."
+    finding = Finding("remark", "warning", Subject(), {}, remedy, sentence=sentence)
+    print_findings([finding], console, of="person 1: ")
+    assert console.file.getvalue().splitlines() == [
+        "! person 1: Something is wrong with the camera.",
+        "Try --without 'the camera', --frame-by-frame.",
+    ]
+
+
+@pytest.mark.parametrize(("width", "parts"), [(40, 2), (80, 1)])
+def test_a_table_wider_than_the_terminal_is_printed_in_parts(width, parts):
+    table = new_table("Errors", "method", [f"S{k} [mm]" for k in range(6)])
+    table.add_row("annealed", *(f"12{k}.45" for k in range(6)))
+    console = Console(file=StringIO(), width=width)
+    print_parts(console, table)
+    text = console.file.getvalue()
+    assert max(len(line.rstrip()) for line in text.splitlines()) <= width
+    assert (text.count("annealed"), text.count("Errors")) == (parts, 1)
+    assert all(f"12{k}.45" in text for k in range(6))

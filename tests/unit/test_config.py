@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import copy
 import math
-import pickle
 
-import numpy as np
 import pytest
 
 import skelsplat as sk
@@ -74,42 +71,6 @@ def test_fields_are_kept_and_replaced():
     assert "sigma_mm=30.0" in repr(config)
     with pytest.raises(AttributeError):
         config.sigma_mm = 1.0
-
-
-def test_a_layout_of_ones_own_takes_names():
-    arm = sk.Layout(
-        "arms",
-        ["left_elbow", "left_wrist", "right_elbow", "right_wrist"],
-        limbs=[("left_elbow", "left_wrist"), (2, 3)],
-        symmetric=[(1, ("left_elbow", "left_wrist"), (2, 3))],
-        left_right=[(0, 2), (1, 3)],
-    )
-    assert arm.limbs == ((0, 1), (2, 3))
-    assert arm.symmetric_pairs(1) == (((0, 1), (2, 3)),)
-    with pytest.raises(sk.InvalidInputError, match="limbs: expected a joint of the layout, got 'nose'"):
-        sk.Layout("arms", ["left_elbow", "left_wrist"], limbs=[("nose", "left_wrist")])
-
-
-def test_cameras_are_values():
-    camera = sk.Camera(
-        np.array([[900.0, 0, 320], [0, 910, 240], [0, 0, 1]]),
-        np.eye(3),
-        [1.0, 2.0, 3.0],
-        distortion=[0.1, -0.05, 0.001, 0.002],
-        size=(640, 480),
-        name="left",
-    )
-    for twin in (pickle.loads(pickle.dumps(camera)), copy.deepcopy(camera)):
-        assert twin == camera
-        assert twin.name == "left"
-    assert np.allclose(camera.centre, [-1, -2, -3])
-    assert camera.size == (640, 480)
-    assert repr(camera) == "Camera('left', 640x480 px, fx=900.0, fy=910.0)"
-    half = camera.scaled(0.5)
-    assert half.size == (320, 240)
-    point = np.array([[0.1, -0.2, 2.0]])
-    full_px, half_px = sk.project(point, [camera])[0, 0], sk.project(point, [half])[0, 0]
-    assert np.allclose(half_px, (full_px + 0.5) * 0.5 - 0.5)
 
 
 @pytest.mark.parametrize("command", [["demo"], ["refine", "c.toml", "d"]])

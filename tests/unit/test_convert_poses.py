@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import READ, assert_fails, invoke
+from command_line import READ, assert_fails, invoke, succeed
 from pose_sample import JOINTS, assert_equal, sample
 from skelsplat import synthetic
 from skelsplat.findings import collected_warnings
@@ -124,8 +124,7 @@ def test_the_folder_of_a_run_stands_for_its_poses(tmp_path, options):
     run = tmp_path / "out"
     run.mkdir()
     write_npz(run / "pose.npz", replace(sample(), frame_rate=50.0))
-    result = invoke("convert", run, tmp_path / "walk.trc", *options)
-    assert result.exit_code == 0, result.output
+    result = succeed("convert", run, tmp_path / "walk.trc", *options)
     assert result.stderr == ""
     write_npz(tmp_path / "a.npz", replace(sample(), frame_rate=50.0))
     assert invoke("convert", tmp_path / "a.npz", tmp_path / "a.trc", *options).exit_code == 0

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import assert_fails, invoke
+from command_line import assert_fails, invoke, succeed
 from overlay_case import FRAMES, SIZE, level, need_opencv, write_video
 
 need_opencv()
@@ -229,8 +229,7 @@ def test_several_people_by_rtmlib(videos, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rtmlib", SimpleNamespace(BodyWithFeet=Solution))
     monkeypatch.setitem(sys.modules, "rtmlib.version", SimpleNamespace(__version__="0.0.16"))
     pose = tmp_path / "pose"
-    result = invoke("detect", videos, "-o", pose, "--backend", "rtmlib", "--mode", "lightweight", "--json")
-    assert result.exit_code == 0, result.output
+    result = succeed("detect", videos, "-o", pose, "--backend", "rtmlib", "--mode", "lightweight", "--json")
     document = json.loads(result.stdout)
     settings = {"backend": "rtmlib", "version": "0.0.16", "model": "body-feet", "mode": "lightweight"}
     assert (document["layout"], document["detector"]) == ("halpe26", settings)

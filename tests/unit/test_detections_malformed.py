@@ -71,14 +71,6 @@ MALFORMED = {
             r"instance_info\[1\]\.frame_id",
         ),
         (put("keypoint_scores", [0.5] * 16), "keypoint_scores"),
-        (
-            lambda b: b.json(
-                lambda d: d["meta_info"].update(
-                    keypoint_id2name=dict(zip(map(str, range(K)), sk.layouts.COCO17.joints, strict=True))
-                )
-            ),
-            "joint names",
-        ),
     ],
     "alphapose": [
         JSON_CUT,
@@ -86,8 +78,6 @@ MALFORMED = {
         (put("image_id", "a.jpg"), r"\[0\]\.image_id"),
     ],
     "coco": [
-        JSON_CUT,
-        (lambda b: b.json(lambda d: {"images": [], "annotations": d}), "file"),
         (put("image_id", 20251121123456789012), r"\[0\]\.image_id"),
     ],
     "rtmlib_frames": [
@@ -98,7 +88,6 @@ MALFORMED = {
     "rtmlib_pairs": [NPY_CUT, (lambda b: b.file.unlink(), "file")],
     "rtmlib_cameras": [NPZ_CUT, (lambda b: b.npz(frames=np.array([2, 1, 0])), "frames")],
     "metrabs": [
-        NPZ_CUT,
         (lambda b: b.npz(poses2d=None), "poses2d"),
         (lambda b: b.npz(poses2d=np.ones((T, K, 3))), "poses2d"),
         (lambda b: b.npz(joint_names=["a", "b"]), "joint_names"),
@@ -108,17 +97,14 @@ MALFORMED = {
         (lambda b: b.npz(poses2d=np.array([Bomb()], dtype=object)), "poses2d"),
     ],
     "deeplabcut": [
-        (lambda b: b.file.write_bytes(b.file.read_bytes()[:9000]), "file"),
         (lambda b: b.dlc(lambda table: table[table.columns[0]].rename("x")), "key"),
         (lambda b: b.dlc(lambda table: table.rename_axis(columns={"bodyparts": "parts"})), "header"),
         (lambda b: b.dlc(lambda table: table.rename(columns={"likelihood": "z"})), "coords"),
     ],
     "deeplabcut_multi": [
         (lambda b: b.dlc(lambda table: table.drop(columns=[table.columns[0]])), r"pelvis\.x"),
-        (lambda b: b.dlc(lambda table: table.set_index(np.array([2, 1, 0]))), "index"),
     ],
     "deeplabcut_csv": [
-        (cut_text(200), "line 6"),
         (lambda b: b.file.write_text(f'{b.file.read_text().strip()},"' + "1,2\n" * 60_000), "line 6"),
         (lambda b: b.text("\n0,", "\nimg0.png,"), "line 4"),
         (lambda b: b.file.write_text("".join(b.file.read_text().splitlines(keepends=True)[:3])), "index"),
@@ -127,23 +113,18 @@ MALFORMED = {
     ],
     "sleap": [
         (lambda b: b.file.write_bytes(b.file.read_bytes()[:3000]), "file"),
-        (lambda b: b.h5(lambda file: file.__delitem__("tracks")), "tracks"),
-        (dataset("tracks", lambda old: np.moveaxis(old, 1, 3)), "tracks"),
         (dataset("point_scores", lambda old: old[:, :-1]), "point_scores"),
         (lambda b: b.h5(lambda file: file["tracks"].attrs.update(dims='["frame", "x"]')), "tracks"),
         (dataset("node_names", lambda old: np.repeat(old[:1], 17)), "node_names"),
     ],
     "sleap_slp": [
         (lambda b: b.file.write_bytes(b.file.read_bytes()[:3000]), "file"),
-        (lambda b: b.h5(lambda file: file.__delitem__("pred_points")), "pred_points"),
         (lambda b: b.h5(lambda file: file.__delitem__("metadata")), "JSON"),
         (lambda b: b.h5(lambda file: file["metadata"].attrs.update(json="{}")), "skeletons"),
         (dataset("pred_points", lambda old: old[:-1]), r"instances\[\d+\]"),
         (dataset("instances", lambda old: old[:-1]), "frames"),
-        (dataset("frames", lambda old: old["video"]), "frames"),
     ],
     "ndx_pose": [
-        (lambda b: b.h5(lambda file: file.__delitem__("processing")), "processing"),
         (dataset("processing/behavior/camA/nose/data", lambda old: old[:, :1]), ".*/nose/data"),
         (dataset("processing/behavior/camA/nose/confidence", lambda old: old[1:]), ".*/nose/confidence"),
         (dataset("processing/behavior/camA/pelvis/timestamps", lambda old: old[::-1]), ".*/timestamps"),
@@ -157,10 +138,8 @@ MALFORMED = {
         (lambda b: b.text(",0.9,", ",0.9,x"), r"line 2, head\.score"),
     ],
     "caliscope": [
-        (cut_text(40), "line 205"),
         (lambda b: b.text("cam_id", "camera"), "camera"),
         (lambda b: b.text(",0,0,", ",0,99999,"), "joint"),
-        (lambda b: b.text("\n0,", "\n0.5,"), "line 2, sync_index"),
     ],
     "freemocap": [
         NPY_CUT,
@@ -175,13 +154,10 @@ MALFORMED = {
             lambda b: b.npz(positions_2d=videopose3d_table(np.full((T, 2, 1, 16, 3), 9.0))),
             r"positions_2d\.S9\.Directions 1",
         ),
-        (lambda b: b.npz(positions_2d=Bomb()), "positions_2d"),
     ],
     "npz": [
-        NPZ_CUT,
         (lambda b: b.npz(detections=np.zeros((T, 2, 3))), "detections"),
         (lambda b: b.npz(camera_names=["camA"]), "camera_names"),
-        (lambda b: b.npz(detections=b.array("detections") * 2.0), r"detections\[0, 0, 0, \d+\]"),
         (lambda b: b.npz(confidence=np.ones((T, 2, 2, K))), "confidence"),
     ],
     "wide_csv": [
@@ -193,11 +169,7 @@ MALFORMED = {
         (lambda b: b.text("\n0,0.0,", "\n0,0.0,a"), "line 2, pelvis_x"),
     ],
     "csv": [
-        (cut_text(60), "line 205"),
-        (lambda b: b.text(",person,", ",who,"), "frame 0"),
-        (lambda b: b.text("pelvis,", '"pelvis,'), "line 2"),
         (lambda b: b.text("joint", "part"), "line 1"),
-        (lambda b: b.text("person", "joint"), "line 1"),
         (lambda b: b.text("pelvis,", "pelvis,a"), "line 2, x"),
         (lambda b: b.text("camA,0,", "camA,0.5,"), "line 2, frame"),
         (lambda b: b.text("pelvis", "0"), "joint"),

@@ -10,7 +10,7 @@ import pytest
 
 import detection_files
 import skelsplat as sk
-from command_line import READ, invoke, read_report
+from command_line import READ, invoke, read_report, succeed
 from skelsplat import synthetic
 from skelsplat.io import read_npz
 from skelsplat.io.detections import open_detections
@@ -76,8 +76,7 @@ def refined(folder, detections="pose", *options):
     """Refine; return the findings on sizes, the poses file, and what was printed."""
     out = folder / f"out_{detections}"
     calibration = folder / "Calib.toml"
-    result = invoke("refine", calibration, folder / detections, *READ, "--no-html", *options, "-o", out)
-    assert result.exit_code == 0, result.output
+    result = succeed("refine", calibration, folder / detections, *READ, "--no-html", *options, "-o", out)
     findings = [one for one in read_report(out)["findings"] if one["kind"] in KINDS]
     return findings, out / "pose.npz", result
 

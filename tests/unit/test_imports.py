@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from import_circles import circle, python_graph, rust_graph
+
 PACKAGE = Path(__file__).parents[2] / "python" / "skelsplat"
 
 # From the top: a part imports those below it, and none beside it. `skelsplat` itself re-exports `_refine`.
@@ -126,3 +128,38 @@ def test_the_package_brings_only_numpy_and_what_it_computes_with() -> None:
     assert {"skelsplat", "skelsplat._skelsplat"} <= names
     assert not {name.partition(".")[0] for name in names} & HEAVY
     assert not names & {f"skelsplat.{part}" for part in PARTS}
+
+
+# no part imports itself through others
+
+
+# What each layer of the core may import besides what stands before it in this list.
+CORE_LAYERS = [
+    {"error"},
+    {"memory", "camera", "layout", "settings", "threads", "matrix3", "names", "statistics"},
+    {"detections", "unit", "gaussian", "overlap", "projection", "symmetry", "outcome", "bones"},
+    {"triangulate"},
+    {"annealed", "paper"},
+    {"refine", "triangulation"},
+    {"batch"},
+    {"sequence"},
+    {"follow", "people", "rig"},
+]
+
+
+@pytest.mark.parametrize("graph", [rust_graph, python_graph])
+def test_there_is_no_circle(graph) -> None:
+    assert circle(graph()) == []
+
+
+def test_the_parts_of_the_core_import_one_way() -> None:
+    place = {name: level for level, names in enumerate(CORE_LAYERS) for name in names}
+    imports = {
+        (module[0], other[0])
+        for module, others in rust_graph().items()
+        for other in others
+        if module and other and module[0] != other[0] and module[0] != "testing"
+    }
+    assert ("refine", "annealed") in imports
+    assert {name for pair in imports for name in pair} <= set(place)
+    assert {(a, b) for a, b in imports if place[b] >= place[a]} == set()

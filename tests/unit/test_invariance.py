@@ -182,24 +182,3 @@ def test_a_camera_that_detects_nothing_changes_no_bit(n_views: int) -> None:
         assert_bits(found, scene.refine())
         for method in METHODS if n_views < 6 else METHODS[:2]:
             np.testing.assert_array_equal(more.triangulate(method), scene.triangulate(method))
-
-
-@pytest.mark.parametrize("n_views", [2, 4, 8])
-def test_a_frame_in_a_batch_has_the_bits_that_it_has_alone(n_views: int) -> None:
-    scene = troubled(n_views, frames=20)
-    batch = scene.refine()
-    for t in range(len(scene.truth)):
-        alone = replace(scene, detections=scene.detections[t]).refine()
-        of_batch = replace(batch, **{f.name: getattr(batch, f.name)[t] for f in fields(batch)})
-        assert_bits(alone, of_batch)
-
-
-@pytest.mark.parametrize("config", [None, PAPER], ids=["default", "paper"])
-def test_the_order_of_the_frames(config: sk.RefineConfig | None) -> None:
-    scene = troubled(4, frames=40 if config is None else 3)
-    order = np.random.default_rng(0).permutation(len(scene.truth))
-    found = replace(scene, detections=scene.detections[order]).refine(config=config)
-    expected = scene.refine(config=config)
-    assert_bits(
-        found, replace(expected, **{f.name: getattr(expected, f.name)[order] for f in fields(expected)})
-    )

@@ -101,7 +101,6 @@ LIMB = 'joints = ["a", "b"]\nlimbs = [["a", "b"]]\n'
     [
         ('jonts = ["a"]', "jonts: expected one of name, .*, got an unknown key; did you mean joints?"),
         ('joints = "a"', "joints"),
-        ('joints = ["a", "a"]', r"joints\[1\]"),
         ('joints = ["a"]\nlimbs = [["a", "b"]]', "limbs"),
         ('joints = ["a"]\nhuman = 1', "human"),
         ('joints = ["a"]\nsymmetric = [3]', r"symmetric\[0\]"),
@@ -113,10 +112,7 @@ LIMB = 'joints = ["a", "b"]\nlimbs = [["a", "b"]]\n'
         (LIMB + "angles = 3", "angles: expected a table"),
         (LIMB + "[angles]\nbend = 3", "angles.bend: expected a table"),
         (LIMB + "[angles.bend]\nsign = 1", "angles.bend.joints: expected a list of strings, got nothing"),
-        (BEND.format('"a", "b"'), "angles.bend.joints: expected three or four joints, got 2"),
         (BEND.format('"a", "b", "c"'), "angles.bend.joints: expected a joint of the layout, got 'c'"),
-        (BEND.format('"a", "b", "b"'), "angles.bend.joints: expected two different .*, got 'b' twice"),
-        (BEND.format('"a", "b", "a"') + "sign = 2", "angles.bend.sign: expected 1 or -1, got 2"),
         (BEND.format('"a", "b", "a"') + "zero = 2", "angles.bend.zero: expected one of joints, sign, offset"),
         ('joints = ["a"', "TOML: expected valid TOML, got "),
     ],

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import READ, assert_fails, invoke, read_report
+from command_line import READ, assert_fails, invoke, read_report, succeed
 from skelsplat.io import PoseData, read_trc, sample
 from skelsplat.io.poses import OPENSIM_FILES, write_opensim
 from skelsplat.io.poses._markers import IK_SETUPS
@@ -110,8 +110,7 @@ def test_refine_writes_them_and_a_later_run_removes_them(finished_run, tmp_path)
     out = tmp_path / "out"
     stored = [finished_run / "cameras.json", finished_run / "detections.npz"]
     given = ["refine", *stored, *READ, "--fps", 50, "--no-html", "-o", out]
-    result = invoke(*given, "--opensim")
-    assert result.exit_code == 0, result.output
+    result = succeed(*given, "--opensim")
     assert set(OPENSIM_FILES) <= set(read_report(out)["files"])
     first, again = (out / SETUP).read_text(), tmp_path / "again"
     Run.open(out).write(again, ("npz",), html=False, opensim=True)

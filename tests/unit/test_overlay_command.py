@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import invoke
+from command_line import succeed
 from overlay_case import (
     FRAMES,
     LAYOUT,
@@ -49,9 +49,7 @@ def images(tmp_path):
 
 
 def overlay(case, videos, out, *args):
-    result = invoke("overlay", case.folder, videos, "-o", out, *args)
-    assert result.exit_code == 0, result.output
-    return result
+    return succeed("overlay", case.folder, videos, "-o", out, *args)
 
 
 def image_of(out, view, number):
@@ -186,8 +184,7 @@ def people(tmp_path):
 
 
 def draw(tmp_path, *args):
-    result = invoke("overlay", tmp_path / "out", "--plain", *args)
-    assert result.exit_code == 0, result.output
+    succeed("overlay", tmp_path / "out", "--plain", *args)
 
 
 def near(image, colour):

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import json
 import re
 import shutil
 import subprocess
+import sys
 from importlib import metadata, resources
 from pathlib import Path
 
 import pytest
 
 import skelsplat
+from command_line import FAST, READ, RESULTS, assert_fails, invoke, succeed
+from skelsplat import _optional, _skelsplat
 
 ROOT = Path(__file__).parents[2]
 
@@ -63,3 +68,83 @@ def test_notices_and_the_bill_of_materials_list_what_is_compiled(listed) -> None
 
 def test_every_licence_text_is_there() -> None:
     assert "NOT FOUND" not in (ROOT / "licenses/third-party.yml").read_text(encoding="utf-8")
+
+
+# extras
+
+
+PICTURES = {"overview.png", "weights.png", "report.html"}
+NEEDS = "report.html and figures need skelsplat[viz]: pip install 'skelsplat[viz]'"
+EXTRAS = {"all", "evaluation", "formats", "mediapipe", "rtmlib", "temporal", "video", "viz"}
+
+
+@pytest.fixture
+def without_viz(monkeypatch):
+    for module in _optional.DRAWING:
+        monkeypatch.setitem(sys.modules, module, None)
+
+
+@pytest.mark.usefixtures("without_viz")
+def test_a_run_without_a_package_for_pictures_writes_all_else_and_says_so(arguments):
+    result = succeed(*arguments, *READ, *FAST)
+    assert f"note: {NEEDS}\n" in result.stderr
+    out = Path(arguments[-1])
+    names = {path.name for path in out.iterdir()}
+    assert names >= RESULTS - PICTURES
+    assert not names & PICTURES
+    assert "overview.png" not in result.stdout
+    report = json.loads((out / "report.json").read_text())
+    assert [found["text"] for found in report["findings"] if found["kind"] == "no_pictures"] == [NEEDS]
+    assert not {*report["files"]} & PICTURES
+
+
+@pytest.mark.usefixtures("without_viz")
+def test_plot_without_viz_fails_with_the_pip_line(finished_run):
+    assert_fails(invoke("plot", finished_run), 1, "pip install 'skelsplat[viz]'")
+    assert not (finished_run / "plots").exists()
+
+
+def test_every_extra_that_a_message_names_exists_and_is_part_of_all():
+    root = Path(__file__).parents[2]
+    project = (root / "pyproject.toml").read_text(encoding="utf-8")
+    assert 'all = ["skelsplat[evaluation,formats,temporal,video,viz]"]' in project
+    for extra in EXTRAS:
+        assert f"\n{extra} = [" in project
+    assert '[all]"' in (root / "Makefile").read_text(encoding="utf-8")
+
+
+# what help() shows
+
+
+STUB = Path(__file__).parents[2] / "python" / "skelsplat" / "_skelsplat.pyi"
+
+
+def documented() -> dict[str, str]:
+    """Docstrings of the stub's functions, classes and members, by dotted name."""
+    found = {}
+    for node in ast.parse(STUB.read_text(encoding="utf-8")).body:
+        members = [node, *node.body] if isinstance(node, ast.ClassDef) else [node]
+        for member in members:
+            if isinstance(member, ast.FunctionDef | ast.ClassDef) and (text := ast.get_docstring(member)):
+                name = member.name if member is node else f"{node.name}.{member.name}"
+                found[name] = text
+    return found
+
+
+DOCUMENTED = documented()
+
+
+@pytest.mark.parametrize("name", DOCUMENTED)
+def test_runtime_text_is_the_stubs(name: str) -> None:
+    thing = _skelsplat
+    for part in name.split("."):
+        thing = getattr(thing, part)
+    shown = (inspect.getdoc(thing) or "").strip()
+    assert shown == DOCUMENTED[name].strip()
+
+
+def test_every_public_function_and_class_is_documented() -> None:
+    exported = {n for n in skelsplat.__all__ if getattr(skelsplat, n) is getattr(_skelsplat, n, None)}
+    assert {name for name in exported if callable(getattr(_skelsplat, name))} <= set(DOCUMENTED)
+    functions = [name for name in _skelsplat.__all__ if name[0].islower()]
+    assert all(inspect.getdoc(getattr(_skelsplat, name)) for name in functions)

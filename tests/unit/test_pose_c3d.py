@@ -64,17 +64,6 @@ def test_another_reader_finds_the_same(tmp_path):
     np.testing.assert_array_equal(points[ROWS][..., :3][there], data.pose.astype(np.float32)[there])
 
 
-def test_read_back(tmp_path):
-    data = sample()
-    write_c3d(tmp_path / "pose.c3d", data)
-    back = read_c3d(tmp_path / "pose.c3d")
-    assert (back.unit, back.frame_rate, back.joint_names) == ("mm", 59.94, JOINTS)
-    assert back.processing == data.processing
-    assert back.frames.tolist() == [10, 11, 12, 13, 14]
-    np.testing.assert_array_equal(back.pose[ROWS], data.pose.astype(np.float32))
-    assert np.isnan(back.pose[2]).all()
-
-
 @pytest.mark.parametrize("name", ["x" * 128, "é" * 64, " "])
 def test_names_that_the_format_cannot_hold(tmp_path, name):
     with pytest.raises(sk.InvalidInputError, match="joint_names"):

@@ -1,17 +1,20 @@
-"""Findings on single frames: what is one, in which words, and what belongs to the recording instead."""
+"""Findings, their way through JSON and warnings, and which of them belong to single frames."""
 
 from __future__ import annotations
 
 import json
+import re
+import warnings
 from collections import Counter
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import findings_table
 import skelsplat as sk
-from command_line import READ, invoke, read_report
-from skelsplat.findings import Finding, Subject
+from command_line import READ, read_report, succeed
+from skelsplat.findings import Finding, FindingWarning, Remedy, Subject, collected_warnings, remark
 from skelsplat.run.frames import FrameFacts, Usual, find_in_frames, rows_of
 
 T, M, N = 20, 4, 3
@@ -104,8 +107,7 @@ def test_report_json_has_the_facts_of_the_page(recording, arguments):
     for camera in rig.names:
         path = folder / "openpose" / camera / "000002_keypoints.json"
         path.write_text(json.dumps({"people": []}))
-    result = invoke(*arguments, *READ, "--fps", 50, "--frame-by-frame", "-q")
-    assert result.exit_code == 0, result.output
+    succeed(*arguments, *READ, "--fps", 50, "--frame-by-frame", "-q")
     report = read_report(folder / "out")
     (finding,) = report["frame_findings"]
     assert (finding["kind"], finding["subject"]) == ("frame_stopped", {"frames": [2]})
@@ -120,3 +122,40 @@ def test_report_json_has_the_facts_of_the_page(recording, arguments):
     assert {"down_weighted", "views_used", "frame_findings"} <= set(report["meanings"])
     page = (folder / "out" / "report.html").read_text(encoding="utf-8")
     assert '<a href="#frame=2">2</a></th><td>no detection could be used</td>' in page
+
+
+def test_a_finding_survives_json():
+    finding = Finding(
+        "off",
+        "error",
+        Subject(cameras=("a", "b c"), frames=(3, 4)),
+        {"error_px": 2.25},
+        (Remedy("without", "b c"), Remedy("y_up")),
+        sentence="a and b c are 2.2 px off.",
+    )
+    entry = json.loads(json.dumps(finding.to_dict()))
+    assert entry["text"] == finding.text == finding.sentence
+    assert Finding.from_dict(entry) == finding
+
+
+def test_warnings_are_collected_as_findings_each_once():
+    finding = remark("of a file")
+    told = []
+    with collected_warnings(told.append) as found:
+        for _ in range(2):
+            warnings.warn("one\n  line", stacklevel=1)
+            warnings.warn(FindingWarning(finding), stacklevel=1)
+    assert found == told == [remark("one line"), finding]
+    assert [one.text for one in found] == ["one line", "of a file"]
+    assert {one.severity for one in found} == {"note"}
+
+
+def test_every_kind_of_finding_is_in_the_documentation_with_its_sentence():
+    """If the page differs, run tools/findings_table.py."""
+    assert findings_table.main(check=True) == 0
+    page = findings_table.PAGE.read_text(encoding="utf-8")
+    table = page.partition(findings_table.BEGIN)[2].partition(findings_table.END)[0]
+    rows = [row.split(" | ") for row in table.strip().splitlines()[2:]]
+    assert len(rows) > 50
+    assert all(re.fullmatch(r"\| `[a-z_]+`", kind) and severity for kind, severity, _ in rows)
+    assert [kind for kind, _, sentence in rows if sentence == "… |"] == ["| `remark`"]

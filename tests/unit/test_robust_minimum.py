@@ -72,16 +72,3 @@ def test_minima_are_those_of_scipy(loss: str, level: str) -> None:
     # With gross errors F has several minima, and two routes may end in two of them, neither always the lower.
     least_share = {("huber", "good"): 1.0, ("huber", "occluded"): 0.97, ("cauchy", "good"): 0.98}
     assert same.mean() >= least_share.get((loss, level), 0.75)
-
-
-@pytest.mark.parametrize("by_view", [True, False])
-def test_slopes_are_central_differences(by_view: bool) -> None:
-    joints = scene(sk.synthetic.DetectionNoise(sigma_px=4.0))
-    scale = np.random.default_rng(0).uniform(0.5, 2.0, joints.seen.shape)
-    whole = _robust.Reprojections(joints.pixels, joints.projections, scale, by_view=by_view)
-    X = _observations.solve(joints, joints.seen.astype(float))
-    differences = np.stack(
-        [(whole.residuals(X + d) - whole.residuals(X - d)) / 2e-3 for d in 1e-3 * np.eye(3)], axis=-1
-    )
-    # Truncation: (1e-3 mm / 5e3 mm)² of slopes near 0.5 px/mm; rounding: 1e-13 px / 1e-3 mm.
-    np.testing.assert_allclose(whole.slopes(X), differences, atol=1e-8)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import READ, RESULTS, assert_fails, invoke, read_report
+from command_line import READ, RESULTS, assert_fails, invoke, read_report, succeed
 from skelsplat.io import read_npz
 from skelsplat.run import Run
 from skelsplat.run.angles import FILES, check_angles
@@ -30,8 +30,7 @@ def with_angles(finished_run, tmp_path_factory):
     """Return the folder of a run with angles; not to be written to."""
     out = tmp_path_factory.mktemp("angles") / "out"
     stored = [finished_run / "cameras.json", finished_run / "detections.npz"]
-    result = invoke("refine", *stored, *READ, "--fps", 50, "--angles", "-o", out)
-    assert result.exit_code == 0, result.output
+    result = succeed("refine", *stored, *READ, "--fps", 50, "--angles", "-o", out)
     assert "angles.csv" in result.stdout
     return out
 
@@ -109,8 +108,7 @@ def test_a_layout_without_angles_is_refused_before_the_work():
 
 
 def test_angles_are_drawn_with_their_bands(with_angles, tmp_path, figures):
-    result = invoke("plot", with_angles, "--only", "angles", "-o", tmp_path, "--json")
-    assert result.exit_code == 0, result.output
+    result = succeed("plot", with_angles, "--only", "angles", "-o", tmp_path, "--json")
     (knee,) = [one for one in json.loads(result.stdout)["angles"] if one["angle"] == "left_knee_flexion"]
     with np.load(with_angles / "angles.npz") as stored:
         column = stored["names"].tolist().index("left_knee_flexion")
@@ -138,8 +136,7 @@ def test_a_layout_with_angles_of_its_own_brings_them_into_files_and_figures(fini
     sk.layouts.write(tmp_path / "own.toml", own)
     stored = [finished_run / "cameras.json", finished_run / "detections.npz"]
     command = ["refine", *stored, "--unit", "mm", "--layout", tmp_path / "own.toml", "--angles"]
-    result = invoke(*command, "--fps", 50, "-o", tmp_path / "out", "--no-html")
-    assert result.exit_code == 0, result.output
+    result = succeed(*command, "--fps", 50, "-o", tmp_path / "out", "--no-html")
     poses = read_npz(tmp_path / "out" / "pose.npz")
     expected = sk.joint_angles(poses.pose, layout=own, uncertainty=poses.error_bar)
     with np.load(tmp_path / "out" / "angles.npz") as stored:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,28 +12,20 @@ import skelsplat as sk
 from skelsplat import synthetic, viz
 from skelsplat.run import Run
 
-pytestmark = pytest.mark.drawn
 
-
-@pytest.fixture(scope="module")
-def drawn(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """Refine exact detections of a walk in lenses that distort, and return what is drawn."""
+@pytest.mark.drawn
+def test_detections_and_reprojections_are_in_the_same_pixels(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both are ideal ones: where detections are exact, they meet."""
     rig = synthetic.human36m_like(distortion=True)
     seen = sk.project(synthetic.motion("walk", 1, seed=3), rig).swapaxes(0, 1)
     config = sk.RefineConfig.paper(max_steps=20)
     result = sk.refine(None, seen, rig, layout="h36m17", config=config)
-    run = Run.from_arrays(result, rig, seen, "h36m17", config=config)
     given: dict[str, Any] = {}
-    with pytest.MonkeyPatch.context() as patch:
-        for name in ("write_overview", "write_weights"):
-            patch.setattr(viz, name, lambda _, data, name=name, **__: given.update({name: data}))
-        run.write_figures(tmp_path_factory.mktemp("figures"))
-    given["distortion"] = max(np.abs(seen[0, i] - rig[i].undistort(seen[0, i])).max() for i in range(4))
-    return given
-
-
-def test_detections_and_reprojections_are_in_the_same_pixels(drawn: dict[str, Any]) -> None:
-    """Both are ideal ones: where detections are exact, they meet."""
-    assert drawn["distortion"] > 5.0
-    for picture in drawn["write_overview"].panels:
+    for name in ("write_overview", "write_weights"):
+        monkeypatch.setattr(viz, name, lambda _, data, name=name, **__: given.update({name: data}))
+    Run.from_arrays(result, rig, seen, "h36m17", config=config).write_figures(tmp_path)
+    assert max(np.abs(seen[0, i] - rig[i].undistort(seen[0, i])).max() for i in range(4)) > 5.0
+    for picture in given["write_overview"].panels:
         assert np.abs(picture.detections - picture.reprojection).max() < 1.0

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import READ, invoke, read_report
+from command_line import READ, invoke, read_report, succeed
 from overlay_case import write_video
 from skelsplat import synthetic
 from skelsplat.io import PoseData, read_detections, read_json, read_npz, write_npz
@@ -92,8 +92,7 @@ def test_files_hold_velocities_and_bones_in_their_unit(job, tmp_path):
 
 
 def test_an_inferred_joint_is_marked_everywhere(gap, arguments):
-    result = invoke(*arguments, *READ, "--fps", 50)
-    assert result.exit_code == 0, result.output
+    result = succeed(*arguments, *READ, "--fps", 50)
     assert "1 joint position is inferred from bones and neighbouring frames." in result.stdout
     assert "Weak" not in result.stdout
     with (gap / "out" / "pose.csv").open(newline="") as stream:

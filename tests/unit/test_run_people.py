@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import READ, RESULTS, assert_fails, invoke, read_report
+from command_line import READ, RESULTS, assert_fails, invoke, read_report, succeed
 from detection_cases import CASES
 from detection_files import Take
 from skelsplat import synthetic
@@ -55,8 +55,7 @@ def found(recording):
 def folder(recording, tmp_path_factory):
     """Return the folder that the command wrote; not to be written to."""
     out = tmp_path_factory.mktemp("run") / "out"
-    result = invoke(*command(recording, out), "--people", "all", "--write", "csv,json,nc")
-    assert result.exit_code == 0, result.output
+    succeed(*command(recording, out), "--people", "all", "--write", "csv,json,nc")
     return out
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import READ, invoke, read_report
+from command_line import READ, read_report, succeed
 from skelsplat import synthetic
 from skelsplat.io import write_calibration
 from skelsplat.run.strides import FILE, find_strides
@@ -65,8 +65,7 @@ def refined(folder, pose, *options):
     for name, seen in zip(rig.names, sk.project(pose, rig), strict=True):
         np.savez(folder / f"{name}.npz", detections=seen[:, None], frames=np.arange(len(pose)) + 100)
     command = ["refine", folder / "Calib.toml", folder, *READ, *options, "--angles", "--no-html"]
-    result = invoke(*command, "-o", folder / "out")
-    assert result.exit_code == 0, result.output
+    succeed(*command, "-o", folder / "out")
     return read_report(folder / "out")
 
 

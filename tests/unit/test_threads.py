@@ -1,13 +1,20 @@
-"""Threads: compiled calls, however short, let others run, and eight at once compute what one does."""
+"""Threads and processes: compiled calls let others run, eight at once and children compute what one does.
+
+Threads do not survive a fork: a child that waited for the parent's would wait for ever.
+"""
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
 import sys
 import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 
@@ -115,3 +122,39 @@ def test_each_thread_collects_its_own_warnings() -> None:
         return name, [finding.numbers["text"] for finding in found]
 
     assert all(found == [name] for name, found in at_once(work))
+
+
+POSIX = pytest.mark.skipif(os.name != "posix", reason="fork is of POSIX")
+
+PROGRAM = Path(__file__).parents[1] / "process_case.py"
+LIMIT_S = 60.0  # the slowest takes three seconds
+
+
+def outcome(name):
+    """Return what the program printed; one that hangs is ended with all of its workers."""
+    # Python 3.12 and later warn of every fork of a process that has threads.
+    command = [sys.executable, "-W", "ignore::DeprecationWarning", str(PROGRAM), name]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, text=True, start_new_session=True, **pipes) as program:
+        try:
+            out, err = program.communicate(timeout=LIMIT_S)
+        except subprocess.TimeoutExpired:
+            os.killpg(program.pid, signal.SIGKILL)
+            return "hangs"
+    return out.strip() or err
+
+
+@POSIX
+@pytest.mark.parametrize("method", ["fork", "forkserver", "spawn"])
+def test_a_pool_of_workers_after_a_batch(method):
+    assert outcome(method) == "same"
+
+
+@POSIX
+def test_a_fork_after_one_frame_of_the_papers_method():
+    assert outcome("after_one_frame") == "same"
+
+
+@POSIX
+def test_workers_of_a_data_loader_beside_busy_threads():
+    assert outcome("epochs") == "same same same"

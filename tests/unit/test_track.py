@@ -71,15 +71,6 @@ def test_lists_of_people_are_the_same(three, tracked) -> None:
         np.testing.assert_array_equal(one.refinement.pose, other.refinement.pose)
 
 
-@pytest.mark.parametrize("threads", [1, 3])
-def test_the_same_bits_on_any_number_of_threads(three, tracked, threads: int) -> None:
-    config = sk.RefineConfig(n_threads=threads)
-    found = sk.track(three.people, three.cameras, fps=FPS, layout=three.layout, config=config)
-    for one, other in zip(tracked, found, strict=True):
-        np.testing.assert_array_equal(one.slots, other.slots)
-        np.testing.assert_array_equal(one.refinement.uncertainty, other.refinement.uncertainty)
-
-
 def test_whoever_comes_back_is_the_same_person() -> None:
     truth = scene(people=2, frames=180, meetings=("leave",), crowding=Crowding.none(), seed=1)
     assert np.isnan(truth.truth).all(axis=(2, 3)).any(), "somebody has to be away"
@@ -159,22 +150,6 @@ def test_bad_arguments_are_named(three, argument) -> None:
         with pytest.raises(InvalidInputError) as caught:
             sk.track(cameras=three.cameras, **(valid | change))
         assert caught.value.argument == argument
-
-
-def test_live_knows_the_same_people(three, tracked) -> None:
-    tracker = sk.Tracker(three.cameras, fps=FPS, layout=three.layout)
-    answers = [tracker.step(frame) for frame in three.people]
-    tracks = [
-        (person.id, np.array([t]), person.refinement.pose[None])
-        for t, answer in enumerate(answers)
-        for person in answer
-    ]
-    scores = metrics.track_scores(tracks, three.truth, optional=three.optional())
-    assert scores.identity_switches == 0
-    assert scores.precision > 0.98
-    assert scores.recall > 0.95
-    assert scores.mpjpe_mm < 1.5 * scored(tracked, three).mpjpe_mm
-    assert all(person.slots.shape == (4,) for person in answers[-1])
 
 
 def test_an_identity_that_has_ended_does_not_return(three) -> None:

@@ -83,6 +83,22 @@ pub fn exact_detections(pose: &[Vector3<f64>], cameras: &[Camera]) -> Detections
     noisy_detections(pose, cameras, 0.0, &mut Noise::new(0))
 }
 
+/// Pixels of the points in every camera, moved by `shift(view, joint)`; NaN where it is not seen.
+pub fn pixels(
+    cameras: &[Camera],
+    points: &[Vector3<f64>],
+    mut shift: impl FnMut(usize, usize) -> [f64; 2],
+) -> Vec<f64> {
+    let mut pixels = Vec::with_capacity(2 * cameras.len() * points.len());
+    for (i, camera) in cameras.iter().enumerate() {
+        for (j, x) in points.iter().enumerate() {
+            let p = camera.project(x).unwrap_or(Vector2::repeat(f64::NAN));
+            pixels.extend(&(p + Vector2::from(shift(i, j))));
+        }
+    }
+    pixels
+}
+
 /// Detections of `pose` with Gaussian noise of `sigma` pixels.
 pub fn noisy_detections(
     pose: &[Vector3<f64>],
@@ -90,13 +106,7 @@ pub fn noisy_detections(
     sigma: f64,
     noise: &mut Noise,
 ) -> Detections {
-    let mut pixels = Vec::with_capacity(2 * cameras.len() * pose.len());
-    for camera in cameras {
-        for joint in pose {
-            let at = camera.project(joint).map_or([f64::NAN; 2], Into::into);
-            pixels.extend(at.map(|u| u + sigma * noise.normal()));
-        }
-    }
+    let pixels = pixels(cameras, pose, |_, _| [(); 2].map(|()| sigma * noise.normal()));
     Detections::new(cameras.len(), pose.len(), &pixels, None).expect("shapes match")
 }
 

@@ -66,43 +66,6 @@ fn converged(camera: &Camera, pixel: Vector2<f64>) -> Vector2<f64> {
     }
 }
 
-/// `OpenCV`'s pixels of four points, printed with 10 digits after the point (`tests/parity` has
-/// every model):
-///
-/// ```python
-/// import cv2, numpy as np   # OpenCV 5.0.0
-/// K = np.array([[1100.0, 0, 980.5], [0, 1080.0, 520.25], [0, 0, 1]])
-/// rvec, t = np.array([0.3, -0.2, 0.1]), np.array([50.0, -80.0, 3000.0])
-/// X = np.array([[100.0, 200, 300], [-900, 400, -200], [1200, -700, 500], [0, 0, 0]])
-/// print(cv2.projectPoints(X, rvec, t, K, np.array(C))[0])   # C and F are the constants above
-/// print(cv2.fisheye.projectPoints(X[:, None], rvec, t, K, np.array(F))[0])
-/// ```
-#[test]
-#[rustfmt::skip]
-fn pixels_are_those_of_opencv() {
-    let points =
-        [[100.0, 200.0, 300.0], [-900.0, 400.0, -200.0], [1200.0, -700.0, 500.0], [0.0; 3]];
-    type Lens = (Model, &'static [f64], [[f64; 2]; 4]);
-    let golden: [Lens; 2] = [
-        (Distortion::brown_conrady, &C, [
-            [1002.7695001878, 528.6640164524], [647.4632711151, 636.2193443606],
-            [1352.9997428440, 276.2152324193], [998.8288574717, 491.4705369663],
-        ]),
-        (Distortion::fisheye, &FISHEYE, [
-            [1002.7362456955, 528.6224743565], [653.8039957638, 634.2981595211],
-            [1340.3047167249, 284.0382854900], [998.8269317047, 491.4600563766],
-        ]),
-    ];
-    for (model, coefficients, expected) in golden {
-        let camera = camera(model(coefficients));
-        for (x, px) in points.iter().zip(expected) {
-            let got = camera.project(&Vector3::from(*x)).unwrap();
-            // half a unit of the last printed digit, and rounding of 1e3 px in double precision
-            assert!((got - Vector2::from(px)).amax() < 1e-10, "{coefficients:?}: {got:?} {px:?}");
-        }
-    }
-}
-
 #[test]
 fn undistort_inverts_distort_over_the_image() {
     for camera in lenses() {

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use skelsplat_core::{Error, KnownLength, Layout, LayoutSpec, OwnAngle, SymmetricPair};
+use skelsplat_core::{KnownLength, Layout, LayoutSpec, OwnAngle, SymmetricPair};
 use skelsplat_tests::refused;
 
 fn all() -> impl Iterator<Item = Layout> {
@@ -115,14 +115,6 @@ fn limbs_connect_every_joint() {
         let layout = Layout::by_name(name).unwrap();
         assert_eq!(layout.limbs.len(), layout.n_joints() - 1, "{name}");
     }
-}
-
-#[test]
-fn names_are_found_in_any_case() {
-    assert_eq!(Layout::by_name("H36M17"), Layout::by_name("h36m17"));
-    assert_eq!(Layout::by_name("OCCLUSION_PERSON15").unwrap().name, "occlusion_person15");
-    let error = Layout::by_name("coco").unwrap_err();
-    assert!(matches!(error, Error::UnknownName { argument: "layout", .. }));
 }
 
 /// Two arms, valid.

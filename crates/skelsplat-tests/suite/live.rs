@@ -7,7 +7,7 @@ use skelsplat_core::{
 };
 use skelsplat_tests::refused;
 use skelsplat_tests::scenes::{
-    Noise, exact_detections, mean_error, noisy_detections, refiner, room, standing, without,
+    Noise, mean_error, noisy_detections, refiner, room, standing, without,
 };
 
 const FPS: f64 = 30.0;
@@ -164,12 +164,4 @@ fn a_reset_forgets_everything_and_bad_input_nothing() {
     assert!(same(&before, &steps(&mut live, &refiner, &frames[1..])));
     live.reset();
     assert!(same(&first, &steps(&mut live, &refiner, &frames[..1])));
-}
-
-#[test]
-fn the_slowest_rate_is_answered() {
-    let cameras = room(2);
-    let refiner = refiner(&cameras, RefineConfig::default());
-    let mut slow = Live::new(&refiner, 1e-3, 0).unwrap();
-    steps(&mut slow, &refiner, &[exact_detections(&standing(), &cameras)]);
 }

@@ -2,9 +2,8 @@
 
 use nalgebra::Vector3;
 use skelsplat_core::study::annealed::rays::Ray;
-use skelsplat_core::study::people::known::BodyModel;
 use skelsplat_core::study::people::score::{assign, meet};
-use skelsplat_core::study::people::{Associator, Crowd, Identity, identify};
+use skelsplat_core::study::people::{Identity, identify};
 use skelsplat_core::{Camera, Detections, Person, Progress, RefineConfig, Tracker, track};
 use skelsplat_tests::scenes::{Noise, h36m, mean_error, noisy_detections, refiner, room, standing};
 
@@ -97,28 +96,6 @@ fn live_follows_the_same_people() {
                 .unwrap_or_else(|| panic!("person {} in frame {t} is nobody", one.id));
             assert_eq!(*who[one.id].get_or_insert(q), q, "frame {t}");
         }
-    }
-}
-
-#[test]
-fn frames_with_too_many_people_to_follow_are_counted() {
-    let cameras = room(2);
-    let refiner = refiner(&cameras, RefineConfig::default());
-    let mut associator = Associator::new(BodyModel::new(&refiner, &h36m()), FPS);
-    let mut noise = Noise::new(5);
-    // A million pairs are compared, of a thousand figures in each view.
-    for (n, cut) in [(1001, 1), (20, 1)] {
-        let place = |noise: &mut Noise| [0, 1].map(|_| 9000.0 * (noise.uniform() - 0.5));
-        let places: Vec<[f64; 2]> = (0..n).map(|_| place(&mut noise)).collect();
-        let body = |[x, y]: &[f64; 2]| -> Vec<Vector3<f64>> {
-            standing().into_iter().map(|p| p + Vector3::new(*x, *y, 0.0)).collect()
-        };
-        let people: Vec<Detections> = places
-            .iter()
-            .map(|at| noisy_detections(&body(at), &cameras, 2.0, &mut noise))
-            .collect();
-        associator.step(&Crowd::new(&refiner, &people).unwrap());
-        assert_eq!(associator.cut(), cut, "{n} people");
     }
 }
 

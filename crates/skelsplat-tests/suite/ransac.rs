@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Matrix3, Vector2, Vector3};
 use skelsplat_core::study::triangulate::{Triangulated, dlt, ransac};
 use skelsplat_core::{Camera, Detections};
-use skelsplat_tests::scenes::{Noise, room, standing};
+use skelsplat_tests::scenes::{Noise, pixels, room, standing};
 
 /// Detections where the cameras see the points, moved by `shift(view, joint)` pixels; NaN is a
 /// missing one.
@@ -16,13 +16,7 @@ fn seen(
 ) -> Detections {
     let confidence: Vec<f64> =
         (0..cameras.len() * points.len()).map(|k| 0.4 + 0.1 * (k % 7) as f64).collect();
-    let mut pixels = Vec::new();
-    for (i, camera) in cameras.iter().enumerate() {
-        for (j, x) in points.iter().enumerate() {
-            let p = camera.project(x).unwrap() + Vector2::from(shift(i, j));
-            pixels.extend([p.x, p.y]);
-        }
-    }
+    let pixels = pixels(cameras, points, shift);
     Detections::new(cameras.len(), points.len(), &pixels, Some(&confidence)).unwrap()
 }
 

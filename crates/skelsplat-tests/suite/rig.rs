@@ -183,7 +183,6 @@ fn a_late_camera_is_told_from_one_that_was_moved() {
     assert_eq!(found.report[1].change.turn, Vector3::zeros());
 }
 
-/// They are of normal differences, with a mean and without one.
 /// A movement that repeats itself every 12 frames fits 12 frames earlier or later as well.
 #[test]
 fn clocks_a_period_apart_are_tied() {

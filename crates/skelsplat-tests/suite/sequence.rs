@@ -1,7 +1,7 @@
 //! Whole recordings: accuracy, gaps, cuts, lengths, and windows.
 
 use nalgebra::Vector3;
-use skelsplat_core::study::sequence::{Window, refine_in_windows, sample, window_size, windows};
+use skelsplat_core::study::sequence::{Window, refine_in_windows};
 use skelsplat_core::{
     AnnealedSettings, Detections, Frame, JointStatus, Live, Progress, RefineConfig, Refiner,
     Sequence, Unit, learn_sequence, refine_sequence, refine_windows,
@@ -158,32 +158,6 @@ fn windows_that_overlap_give_what_one_window_gives() {
     let (median, largest) = (off[off.len() / 2], off[off.len() - 1]);
     assert!(median < 0.1, "median {median} mm, largest {largest} mm");
     assert!(largest < 0.15, "largest {largest} mm");
-}
-
-#[test]
-fn windows_solved_by_several_calls_are_those_of_one() {
-    let (_, detections) = recording(1210, 4.0, 11);
-    let refiner = refiner(&room(4), RefineConfig::default());
-    let frames: Vec<Frame> = detections.into_iter().map(Frame::from).collect();
-    let fps = 15.0;
-    let whole = refine_sequence(&refiner, &frames, fps, &Progress::default()).unwrap();
-    let all = windows(frames.len(), window_size(fps));
-    assert_eq!(all.len(), 3);
-    let parts: Vec<&[Frame]> = sample(&all).into_iter().map(|range| &frames[range]).collect();
-    let known = learn_sequence(&refiner, &parts, fps, &Progress::default()).unwrap();
-    let mut poses = Vec::new();
-    for group in all.chunks(2) {
-        let first = group[0].all.start;
-        let here = |range: &std::ops::Range<usize>| range.start - first..range.end - first;
-        let group: Vec<Window> =
-            group.iter().map(|w| Window { own: here(&w.own), all: here(&w.all) }).collect();
-        let end = group[group.len() - 1].all.end;
-        let frames = &frames[first..first + end];
-        let part = refine_windows(&refiner, frames, &group, &known, &Progress::default()).unwrap();
-        poses.extend(part.frames.uncertainty);
-        assert!(part.lengths.iter().zip(&whole.lengths).all(|(a, b)| a.mean == b.mean));
-    }
-    assert_eq!(poses, whole.frames.uncertainty);
 }
 
 #[test]

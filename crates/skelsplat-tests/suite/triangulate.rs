@@ -1,12 +1,12 @@
 //! Triangulation and fusion: exact recovery, weights, degenerate geometry.
 
-use nalgebra::{DMatrix, Matrix3x4, Vector2, Vector3};
+use nalgebra::{DMatrix, Matrix3x4, Vector3};
 use skelsplat_core::study::triangulate::{dlt, fuse_monocular};
 use skelsplat_core::{
     Camera, Detections, Distortion, Error, TriangulationMethod as Method, Unit, triangulate,
 };
 use skelsplat_tests::refused;
-use skelsplat_tests::scenes::{exact_detections, look_at};
+use skelsplat_tests::scenes::{exact_detections, look_at, pixels};
 
 fn looking(centre: Vector3<f64>, target: Vector3<f64>) -> Camera {
     look_at(centre, target, 1145.0, [1000, 1000])
@@ -25,22 +25,6 @@ fn joints() -> Vec<Vector3<f64>> {
         Vector3::new(-350.0, 220.0, 1450.0),
         Vector3::new(610.0, -480.0, 80.0),
     ]
-}
-
-/// Detections where the cameras see the points, moved by `noise(view, joint)`.
-fn seen(
-    cameras: &[Camera],
-    points: &[Vector3<f64>],
-    noise: impl Fn(usize, usize) -> [f64; 2],
-) -> Vec<f64> {
-    let mut pixels = Vec::new();
-    for (i, camera) in cameras.iter().enumerate() {
-        for (j, x) in points.iter().enumerate() {
-            let p = camera.project(x).unwrap() + Vector2::from(noise(i, j));
-            pixels.extend([p.x, p.y]);
-        }
-    }
-    pixels
 }
 
 /// A few pixels that look random.
@@ -99,8 +83,8 @@ fn the_null_vector_is_that_of_the_pixel_rows() {
     let (cameras, points) = (room(), joints());
     let exact = exact_detections(&points, &cameras);
     let confidence: Vec<f64> = (0..12).map(|k| 0.3 + 0.05 * f64::from(k)).collect();
-    let pixels = seen(&cameras, &points, jitter);
-    let noisy = Detections::new(4, points.len(), &pixels, Some(&confidence)).unwrap();
+    let seen = pixels(&cameras, &points, jitter);
+    let noisy = Detections::new(4, points.len(), &seen, Some(&confidence)).unwrap();
     for (j, truth) in points.iter().enumerate() {
         let difference = |d: &Detections| (dlt(d, &cameras)[j] - plain(d, &cameras, j)).norm();
         assert!(difference(&exact) < 1e-6 * truth.norm());
@@ -115,7 +99,7 @@ fn the_null_vector_is_that_of_the_pixel_rows() {
 #[test]
 fn the_answer_depends_on_neither_unit_nor_origin() {
     let (cameras, points) = (room(), joints());
-    let noisy = Detections::new(4, 3, &seen(&cameras, &points, jitter), None).unwrap();
+    let noisy = Detections::new(4, 3, &pixels(&cameras, &points, jitter), None).unwrap();
     let found = dlt(&noisy, &cameras);
     let metres: Vec<_> = cameras.iter().map(|c| c.clone().with_length_scale(1e-3)).collect();
     let shift = Vector3::new(2e4, -3e4, 5e3);
@@ -136,10 +120,10 @@ fn the_answer_depends_on_neither_unit_nor_origin() {
 #[test]
 fn a_detection_weighs_its_confidence() {
     let (cameras, points) = (room(), joints());
-    let pixels = seen(&cameras, &points, |i, _| if i == 2 { [60.0, -40.0] } else { [0.0; 2] });
+    let seen = pixels(&cameras, &points, |i, _| if i == 2 { [60.0, -40.0] } else { [0.0; 2] });
     let error = |c: f64| {
         let confidence: Vec<f64> = (0..12).map(|k| if k / 3 == 2 { c } else { 1.0 }).collect();
-        let detections = Detections::new(4, 3, &pixels, Some(&confidence)).unwrap();
+        let detections = Detections::new(4, 3, &seen, Some(&confidence)).unwrap();
         (dlt(&detections, &cameras)[1] - points[1]).norm()
     };
     assert!(error(1.0) > 10.0);
@@ -149,7 +133,7 @@ fn a_detection_weighs_its_confidence() {
     assert!(error(0.0) < 1e-9);
     // Only their ratio matters.
     let with = |c: f64| {
-        let detections = Detections::new(4, 3, &pixels, Some(&[c; 12])).unwrap();
+        let detections = Detections::new(4, 3, &seen, Some(&[c; 12])).unwrap();
         dlt(&detections, &cameras)
     };
     assert_eq!(with(1.0), with(1e-29));
@@ -159,12 +143,12 @@ fn a_detection_weighs_its_confidence() {
 #[test]
 fn a_missing_detection_is_as_if_the_view_were_not_there() {
     let (cameras, points) = (room(), joints());
-    let mut pixels = seen(&cameras, &points, |_, _| [0.0; 2]);
+    let mut seen = pixels(&cameras, &points, |_, _| [0.0; 2]);
     for view in [0, 1, 3] {
-        pixels[2 * (3 * view + 1)] = f64::NAN;
+        seen[2 * (3 * view + 1)] = f64::NAN;
     }
-    pixels[0] = f64::NAN;
-    let found = dlt(&Detections::new(4, 3, &pixels, None).unwrap(), &cameras);
+    seen[0] = f64::NAN;
+    let found = dlt(&Detections::new(4, 3, &seen, None).unwrap(), &cameras);
     assert!((found[0] - points[0]).norm() < 1e-9);
     assert!(is_nan(&found[1]), "seen by one view only");
     assert!((found[2] - points[2]).norm() < 1e-9);
@@ -233,12 +217,12 @@ fn fusion_takes_the_views_that_there_are() {
     let points = joints();
     let off = Vector3::new(20.0, 10.0, -5.0);
     let nan = Vector3::repeat(f64::NAN);
-    let mut pixels = seen(&cameras, &points, |_, _| [0.0; 2]);
+    let mut seen = pixels(&cameras, &points, |_, _| [0.0; 2]);
     for view in 0..4 {
-        pixels[2 * (3 * view + 1)] = f64::NAN;
+        seen[2 * (3 * view + 1)] = f64::NAN;
     }
-    pixels[0] = f64::NAN;
-    let detections = Detections::new(4, 3, &pixels, None).unwrap();
+    seen[0] = f64::NAN;
+    let detections = Detections::new(4, 3, &seen, None).unwrap();
     let poses =
         [vec![points[0] + off, points[1] + off, nan], vec![nan, points[1] - 3.0 * off, nan]];
     let found = fuse_monocular(&poses, &detections, &cameras);

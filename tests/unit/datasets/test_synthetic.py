@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import assert_fails, invoke
+from command_line import assert_fails, invoke, succeed
 from skelsplat import DatasetError, datasets, io, synthetic
 from skelsplat.datasets.shelf_campus import nearest_slots
 from skelsplat.datasets.synthetic import write_simulated
@@ -180,8 +180,7 @@ def test_a_missing_file_of_people_is_listed(people):
 
 def test_the_command(tmp_path):
     small = ["people", str(tmp_path / "data"), "--people", "2", "--views", "3", "--scenes", "1", "--frames"]
-    result = invoke("synth", *small, "5")
-    assert result.exit_code == 0, result.output
+    result = succeed("synth", *small, "5")
     assert "people 2, views 3, scenes 1, frames 5, detectors good and noisy, seed 0" in result.output
     small[1] += "2"
     result = invoke("synth", *small, "5", "--json")

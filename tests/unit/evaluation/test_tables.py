@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -10,7 +12,8 @@ import skelsplat as sk
 import takes
 from skelsplat.datasets import Dataset
 from skelsplat.evaluation import methods, protocols, single
-from skelsplat.evaluation.reported import published
+from skelsplat.evaluation import reported as reported_package
+from skelsplat.evaluation.reported import published, reported
 from skelsplat.evaluation.tables import Column, Row, Table
 
 OVER_TIME = ["annealed-butterworth", "over-time"]
@@ -121,3 +124,35 @@ def test_without_names_everything_runs_that_the_data_allow(monkeypatch: pytest.M
     assert lacking["annealed-butterworth"] == "the package scipy"
     with pytest.raises(sk.InvalidInputError, match="methods: expected takes with detections"):
         single.evaluate(replace(blind, takes=tuple(replace(t, detections=None) for t in blind)))
+
+
+# the published tables that ship as data
+
+
+FOLDER = Path(reported_package.__file__).parent
+FILES = sorted(path for path in FOLDER.glob("*.json") if path.name != "references.json")
+
+
+def test_an_unknown_label_is_named() -> None:
+    with pytest.raises(sk.InvalidInputError, match="label"):
+        reported("tab:x")
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_files_are_whole(path: Path) -> None:
+    """What the package reads without checking: texts, numbers or null, and citations that exist."""
+    references = json.loads((FOLDER / "references.json").read_text(encoding="utf-8"))
+    content = json.loads(path.read_text(encoding="utf-8"))
+    texts = [content[name] for name in ("label", "title", "source", "dataset", "metric", "unit")]
+    texts += [text for name in ("columns", "keys", "notes") for text in content[name]]
+    assert all(isinstance(text, str) for text in texts)
+    assert len(content["keys"]) == len(content["columns"])
+    assert content["rows"]
+    for row in content["rows"]:
+        assert isinstance(row["method"], str)
+        assert isinstance(references[row["citation"]], str)
+        assert len(row["values"]) == len(content["keys"])
+        assert {type(value) for value in row["values"]} <= {int, float, type(None)}
+        assert row["truth_3d"] in (True, False, None)
+        assert all(isinstance(row.get(name), str | None) for name in ("detector", "training"))
+        assert all(isinstance(value, str) for value in row.get("setting", {}).values())

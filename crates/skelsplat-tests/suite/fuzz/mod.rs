@@ -1,10 +1,9 @@
 //! Any numbers for cameras, solver, recordings, people and rigs: an error or a sound result, never
-//! a panic; and what must not matter does not. `PROPTEST_CASES` raises the number of cases (`make
-//! fuzz`), then with seeds of their own.
+//! a panic. `PROPTEST_CASES` raises the number of cases (`make fuzz`), then with seeds of their
+//! own.
 
 mod any;
 mod camera;
-mod invariance;
 mod people;
 mod rig;
 mod sequence;

@@ -1,1 +1,0 @@
-"""Scenes in which a result was once wrong without a word."""
