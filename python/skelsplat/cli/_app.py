@@ -26,6 +26,7 @@ COMMANDS = {
     "convert": "Convert a calibration, or poses (a file, or the folder of a run), to another format.",
     "check-cameras": "Find faults in a calibration: wrong unit, swapped, rotated or unsynchronised cameras.",
     "adjust-cameras": "Adjust the cameras that were turned or moved since the calibration, from recordings.",
+    "app": "Open a page in the browser that does all of this, for people without a terminal.",
     "layouts": "List the joint layouts, or explain one: joints, limbs, symmetric pairs, bones.",
     "synth": "Write a simulated data set: known poses, simulated detections of two detectors.",
     "datasets": "Data sets with ground truth: list them, check one on disk.",
@@ -33,8 +34,9 @@ COMMANDS = {
     "ablate": "Repeat an ablation of the paper and print its tables with the paper's rows.",
 }
 
-# Where a command is, if not in the module of its name.
+# Where a command is, if not in the module of its name; `skelsplat.app` is above this package.
 MODULES = {
+    "app": ".app.command",
     "demo": "refine",
     "check-cameras": "cameras",
     "adjust-cameras": "cameras",
@@ -75,7 +77,7 @@ class OneLineErrors(Group):
         except (KeyboardInterrupt, typer.Abort):
             status = INTERRUPTED
         except (sk.SkelSplatError, OSError) as error:
-            _fail(FAILED, f"error: {_describe(error)}")
+            _fail(FAILED, f"error: {described(error)}")
         except Exception as error:
             if not hasattr(error, "format_message"):  # what every error of usage has, in typer and in click
                 raise
@@ -90,7 +92,7 @@ def _fail(status: int, message: str) -> NoReturn:
     sys.exit(status)
 
 
-def _describe(error: Exception) -> str:
+def described(error: Exception) -> str:
     """Return one line that names the file, for the errors of the package and of the operating system."""
     if isinstance(error, OSError) and not isinstance(error, sk.SkelSplatError) and error.filename is not None:
         return f"{error.filename}: {(error.strerror or 'cannot be used').lower()}"

@@ -52,7 +52,8 @@ OPTIONS = (
 
 _program = typer.Typer(add_completion=False)
 _program.command("refine", cls=Command)(takes(*options.JOB)(options.job_of))
-_refine: Any = typer.main.get_command(_program)
+REFINE: Any = typer.main.get_command(_program)
+"""``skelsplat refine`` that only returns its `Job`."""
 
 
 @answers(*OPTIONS, short=True, epilog=_EPILOG)
@@ -112,7 +113,7 @@ def _recordings(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 def _sessions(document: dict[str, Any], folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
-    known = entries_of(_refine)
+    known = entries_of(REFINE)
     for key in document:
         if key not in ("defaults", "session"):
             raise unknown(key, "[defaults] or [[session]]", ["defaults", "session"])
@@ -151,7 +152,7 @@ def _job(sessions: Path, name: str, values: Mapping[str, Any]) -> Job:
     """Return the job of a recording, whose options are checked as those of the command line."""
     values = {"output": Path(), **values}
     try:
-        job: Job = _refine.main([], prog_name="refine", standalone_mode=False, default_map=values)
+        job: Job = REFINE.main([], prog_name="refine", standalone_mode=False, default_map=values)
     except Exception as error:
         if not hasattr(error, "format_message"):  # what every error of usage has
             raise

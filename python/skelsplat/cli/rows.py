@@ -69,6 +69,16 @@ class Option:
         return self.name, value if self.read is None or value is None else self.read(self.flag, value)
 
 
+def typed(rows: Sequence[Option], values: Mapping[str, Any]) -> list[str]:
+    """Return options as they are typed, from texts by name; of a flag True, of a repeatable one a list."""
+    words = []
+    for row in rows:
+        value = values.get(row.name) or []
+        for text in value if isinstance(value, list) else [value]:
+            words += [row.flag] if row.kind is bool else [row.flag, str(text)]
+    return words
+
+
 def one_of(option: str, value: str | None, choices: Sequence[str]) -> str:
     """Return ``value`` if it is one of ``choices``; None: a required option is missing."""
     if value in choices:

@@ -1,0 +1,120 @@
+"""The server of the page: on 127.0.0.1 alone, for one folder; and the files that go in and out."""
+
+from __future__ import annotations
+
+import mimetypes
+import socket
+import webbrowser
+from collections.abc import Iterator
+from contextlib import asynccontextmanager, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+import uvicorn
+from fastapi import FastAPI, HTTPException, Request
+from fastapi.responses import FileResponse, Response, StreamingResponse
+from nicegui import ui
+
+from skelsplat._atomic import atomic_path
+from skelsplat.app import pages
+from skelsplat.app.guard import HOST, Guard
+from skelsplat.app.places import Place
+from skelsplat.app.recordings import Recordings
+from skelsplat.app.results import read_result, zipped
+from skelsplat.exceptions import SkelSplatError
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+# What is in a folder is from elsewhere: as a page of its own it may run programs, and not use this server.
+_ALONE = {"content-security-policy": "sandbox allow-scripts allow-downloads; frame-ancestors 'self'"}
+
+
+def serve(folder: Path, port: int = 0, *, browser: bool = True) -> None:
+    """Serve the page about a folder until Ctrl-C; print its address and open it."""
+    place = Place.of(folder)
+    with listening(port) as listener:
+        recordings = Recordings(place)
+        guard = Guard(_app(recordings), listener.getsockname()[1])
+        print(f"SkelSplat is open at {guard.address}", flush=True)
+        print(f"for {place.root}. Ctrl-C ends it.", flush=True)
+        if browser:
+            webbrowser.open(guard.address)
+        settings = uvicorn.Config(guard, log_level="error", lifespan="on", timeout_graceful_shutdown=2)
+        try:
+            uvicorn.Server(settings).run(sockets=[listener])
+        finally:
+            recordings.cancel()
+
+
+@contextmanager
+def listening(port: int) -> Iterator[socket.socket]:
+    """Listen on a port of 127.0.0.1; 0 is one that is free."""
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listener:
+        try:
+            listener.bind((HOST, port))
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, f"{HOST}:{port}") from error
+        listener.listen()
+        yield listener
+
+
+def _app(recordings: Recordings) -> FastAPI:
+    """Return the application: pages, and files in and out."""
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        yield
+        recordings.cancel()
+
+    app = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
+    _add_files(app, recordings.place)
+    pages.add_pages(recordings)
+    ui.run_with(app, title="SkelSplat", favicon="🦴", dark=None, language="en-US", show_welcome_message=False)
+    return app
+
+
+def _add_files(app: FastAPI, place: Place) -> None:
+    """Add what the browser takes out of the folder of a run, and puts into the folder of a recording."""
+
+    @app.get("/run/{path:path}")
+    def take(path: str, folder: str = "", download: bool = False) -> Response:
+        run = _inside(place, folder)
+        file = _inside(place, path, run)
+        if read_result(run) is None or run not in file.parents or not file.is_file():
+            raise HTTPException(404, "There is no such file of a run.")
+        kind = mimetypes.guess_type(file.name)[0] or "application/octet-stream"
+        name = file.name if download else None
+        return FileResponse(file, media_type=kind, filename=name, headers=_ALONE | {"cache-control": "no-store"})
+
+    @app.get("/zip")
+    def take_all(folder: str = "") -> Response:
+        run = _inside(place, folder)
+        result = read_result(run)
+        if result is None:
+            raise HTTPException(404, "There is no run in this folder.")
+        name = quote(f"{run.parent.name if run.name == 'out' else run.name}.zip")
+        headers = {"content-disposition": f"attachment; filename*=utf-8''{name}"}
+        return StreamingResponse(zipped(result), media_type="application/zip", headers=headers)
+
+    @app.put("/bring")
+    async def bring(request: Request, folder: str = "", name: str = "") -> Any:
+        try:
+            file = place.file_to_write(place.inside(folder), name)
+            if file.exists():
+                raise HTTPException(409, f"{name} is there already; it was left as it is.")
+            file.parent.mkdir(parents=True, exist_ok=True)
+            with atomic_path(file) as part, part.open("wb") as stream:
+                async for piece in request.stream():
+                    stream.write(piece)
+        except (SkelSplatError, OSError) as error:
+            raise HTTPException(400, str(error)) from error
+        return {"name": name}
+
+
+def _inside(place: Place, path: str, base: Path | None = None) -> Path:
+    try:
+        return place.inside(path, base)
+    except SkelSplatError as error:
+        raise HTTPException(404, str(error)) from error
