@@ -18,7 +18,9 @@ Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 HOST = "127.0.0.1"
-_OPEN = "Open the address that skelsplat app has printed: the key in it is missing here, or of an earlier start."
+_OPEN = (
+    "Open the address that skelsplat app has printed: the key in it is missing here, or of an earlier start."
+)
 # No other site is asked for anything, whatever a page contains; Vue compiles its templates.
 _POLICY = (
     "default-src 'self' data: blob:; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
@@ -74,7 +76,11 @@ class Guard:
     async def _enter(self, send: Send) -> None:
         """Turn the key in the address into a cookie, so that it is in no history and no link."""
         cookie = f"{self.cookie}={self.key}; Path=/; HttpOnly; SameSite=Strict"
-        headers = [(b"location", b"/"), (b"set-cookie", cookie.encode()), (b"referrer-policy", b"no-referrer")]
+        headers = [
+            (b"location", b"/"),
+            (b"set-cookie", cookie.encode()),
+            (b"referrer-policy", b"no-referrer"),
+        ]
         await send({"type": "http.response.start", "status": 303, "headers": headers})
         await send({"type": "http.response.body", "body": b""})
 

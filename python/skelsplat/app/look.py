@@ -1,138 +1,179 @@
-"""The result on the page of a recording: numbers, findings with what helps, the report, the videos."""
+"""The result on the page of a recording: numbers, findings with what helps, report, videos, files."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Awaitable, Callable
+from typing import Any
+from urllib.parse import quote
 
 from nicegui import ui
 
-from skelsplat.app.forms import Form, name_of
-from skelsplat.app.parts import button, facts, html, note, part, table
-from skelsplat.app.recording import OPTIONS
+from skelsplat.app.files import files_of, size_of
+from skelsplat.app.forms import Form
+from skelsplat.app.parts import button, facts, head, html, note, section, shown, table
+from skelsplat.app.recording import OPTIONS, Recording, put
 from skelsplat.cli.rows import Option
+from skelsplat.findings import Finding, Remedy
+from skelsplat.io.poses import POSE_FORMATS
+from skelsplat.run.compared import AnyRun, compared, findings_of, numbers_of
 from skelsplat.run.folder import PAGE
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from skelsplat.app.recording_page import RecordingPage
-    from skelsplat.app.results import Result
-
 _FEW = 4  # findings that are shown at once
+_PAUSED = "Where the video is paused, the report shows the same frame."
+Press = Callable[..., Awaitable[None]]
 
 
-def show_result(page: RecordingPage) -> None:
-    """Show the result of a recording."""
-    recording, result = page.recording, page.recording.result
-    assert result is not None
-    with ui.element("section").classes("s-card").props("aria-label=Result"):
-        part("3  Result")
-        if recording.before is not None and not recording.running:
-            _compare(page, *recording.before[:2])
-        facts(result.numbers)
-        found = result.findings
-        for of, one in found[:_FEW]:
-            _finding(page, of, one)
-        if len(found) > _FEW:
-            with ui.expansion(f"{len(found) - _FEW} more notes").classes("w-full"), ui.element("div").classes("s-row"):
-                for of, one in found[_FEW:]:
-                    _finding(page, of, one)
-        _pictures(page, result)
+class ResultParts:
+    """What is to be looked at, and to be taken away."""
 
+    def __init__(self, recording: Recording, press: Press) -> None:
+        self.recording, self.press = recording, press
 
-def _finding(page: RecordingPage, of: str, finding: Mapping[str, Any]) -> None:
-    """Show a finding, and a button for each of its remedies."""
-    with note(finding["severity"], of + finding["text"]):
-        known = [(row, one["value"]) for one in finding["remedy"] if (row := _row(one["setting"])) is not None]
-        if known:
-            with ui.element("div").classes("s-row"):
-                for row, value in known:
-                    _remedy(page, row, value)
+    def address(self, name: str, **more: str) -> str:
+        """Return the address of a file of the run."""
+        folder = self.recording.place.relative(self.recording.output)
+        given = {"folder": folder, **more}
+        return f"/run/{quote(name)}?" + "&".join(f"{key}={quote(value)}" for key, value in given.items())
 
+    @ui.refreshable_method
+    def look(self) -> None:
+        """Show the result."""
+        result = self.recording.result
+        if result is None:
+            return
+        with section("3 · Result"):
+            if self.recording.before is not None and not self.recording.running:
+                self._compare(result, *self.recording.before[:2])
+            facts(numbers_of(result))
+            found = findings_of(result)
+            for of, one in found[:_FEW]:
+                self._finding(of, one)
+            if len(found) > _FEW:
+                with ui.expansion(f"{len(found) - _FEW} more").classes("w-full s-more"):
+                    for of, one in found[_FEW:]:
+                        self._finding(of, one)
+            self._pictures(result)
 
-def _row(setting: str) -> Option | None:
-    """Return the option of refine for a setting of a remedy."""
-    flag = f"--{setting.replace('_', '-')}"
-    return next((row for row in OPTIONS["refine"] if row.flag == flag), None)
+    def _finding(self, of: str, finding: Finding) -> None:
+        """Show a finding, and a button for each of its remedies."""
+        with (
+            note(finding.severity, f"{of[:1].upper()}{of[1:]}{finding.text}"),
+            ui.element("div").classes("s-row"),
+        ):
+            for remedy in finding.remedy:
+                row = next((row for row in OPTIONS["refine"] if row.flag == _flag(remedy)), None)
+                if row is not None:
+                    self._remedy(row, remedy.value)
 
+    def _remedy(self, row: Option, value: Any) -> None:
+        """Show a button that tries a remedy; where the user chooses the value, after asking for it."""
+        recording, chosen = self.recording, dict[str, Any]()
 
-def _remedy(page: RecordingPage, row: Option, value: Any) -> None:
-    """Show a button that tries a remedy; where the user chooses the value, after asking for it."""
-    run = page.recording
-
-    def ask() -> None:
-        chosen: dict[str, Any] = {}
-        with ui.dialog(value=True) as dialog, ui.card():
-            part(name_of(row))
-            cameras = [] if run.found is None else [one.name for one in run.found.cameras]
-            Form({}, lambda _, name, text: chosen.update({name: text}), cameras).field("refine", row)
-            with ui.element("div").classes("s-row"):
+        def ask() -> None:
+            with ui.dialog(value=True) as dialog, ui.card().classes("s-ask"):
+                cameras = [one.name for one in recording.found.cameras]
+                Form({}, lambda _, name, text: put(chosen, name, text), cameras).field("refine", row)
 
                 async def go() -> None:
                     dialog.close()
-                    text = chosen.get(row.name) or ""
-                    await page.press(run.try_remedy, row.flag[2:], text[0] if isinstance(text, list) else text)
+                    text = chosen.get(row.name)
+                    for one in text if isinstance(text, list) else filter(None, [text]):
+                        await self.press(recording.try_remedy, row, one)
 
-                button("Try it", go, first=True)
-                button("Close", dialog.close)
+                with ui.element("div").classes("s-row"):
+                    button("Try it", go, first=True)
+                    button("Close", dialog.close)
 
-    words = name_of(row) if value in (None, True) else f"{name_of(row)} {value}"
-    action = ask if value is None and row.kind is not bool else lambda: page.press(run.try_remedy, row.flag[2:], value)
-    button(f"Try: {words}{' …' if action is ask else ''}", action).set_enabled(not run.running)
+        asks = value is None and row.kind is not bool
+        words = f"Try: {row.title}{' …' if asks else '' if value in (None, True) else f' {value}'}"
+        action = (
+            ask if asks else lambda: self.press(recording.try_remedy, row, True if value is None else value)
+        )
+        button(words, action).set_enabled(not recording.running)
 
+    def _compare(self, result: AnyRun, before: AnyRun, what: str) -> None:
+        """Show a remedy's result and that before it, to be kept or taken back."""
+        head(f"With {what}: before and after")
+        table(("", "Before", "After"), compared(before, result))
 
-def _compare(page: RecordingPage, before: Result, what: str) -> None:
-    """Show a remedy's result beside that before it, to be kept or taken back."""
-    assert page.recording.result is not None
-    now, rows = page.recording.result.compared, []
-    for name, value in {**before.compared, **now}.items():
-        rows.append((name, before.compared.get(name, "–"), now.get(name, "–")))
-    part(f"With {what}: before and after", 3)
-    table(("", "Before", "After"), rows)
+        async def keep() -> None:
+            self.recording.before = None
+            await self.press(lambda: None)
 
-    def keep() -> None:
-        page.recording.before = None
-        page.refresh()
+        with ui.element("div").classes("s-row"):
+            button("Keep it", keep, first=True)
+            button("Go back", lambda: self.press(self.recording.go_back))
 
-    with ui.element("div").classes("s-row"):
-        button("Keep it", keep, first=True)
-        button("Go back", lambda: page.press(page.recording.go_back))
-
-
-def _pictures(page: RecordingPage, result: Result) -> None:
-    """Show the report, and the videos beside it."""
-    videos, has_page = result.videos, (result.folder / PAGE).is_file()
-    with ui.element("div").classes("s-look two" if videos and has_page else "s-look"):
-        if has_page:
-            frame = ui.element("iframe").props(f'title="Report with the pose in 3D" loading=lazy')
-            frame.props(f'src="{page.address(PAGE, v=str(result.report["run"]))}"')
-        if videos:
-            _video(page, result, videos)
-    with ui.element("div").classes("s-row"):
-        if has_page:
-            ui.link("Open the report alone", page.address(PAGE), new_tab=True)
-        if not videos:
-            words = "Draw it on the videos" if page.recording.found and page.recording.found.videos else (
-                "Draw it as each camera sees it"
+    def _pictures(self, result: AnyRun) -> None:
+        """Show the report, and the videos beside it."""
+        folder, version = self.recording.output, str(result.report["run"])
+        found = sorted(
+            (one.name for one in (folder / "overlay").glob("*.mp4")), key=lambda name: name != "grid.mp4"
+        )
+        videos = {self.address(f"overlay/{name}", v=version): name.removesuffix(".mp4") for name in found}
+        has_page = (folder / PAGE).is_file()
+        with ui.element("div").classes("s-look two" if videos and has_page else "s-look"):
+            if has_page:
+                source = shown(self.address(PAGE, v=version))
+                html(f"<iframe title='Report with the pose in 3D' src='{source}'></iframe>")
+            if videos:
+                _video(result, videos)
+        with ui.element("div").classes("s-row"):
+            if has_page:
+                ui.link("Open the report in a tab of its own", self.address(PAGE), new_tab=True)
+            draw = (
+                "Draw the pose on the videos" if self.recording.found.videos else "Draw what each camera sees"
             )
-            button(words, page.start("overlay")).set_enabled(not page.recording.running)
+            start = button(
+                draw + " again" * bool(videos), lambda: self.press(self.recording.start, "overlay")
+            )
+            start.set_enabled(not self.recording.running)
+
+    @ui.refreshable_method
+    def take(self) -> None:
+        """Show the files."""
+        if self.recording.result is None:
+            return
+        folder, files = self.recording.output, files_of(self.recording.output)
+        with section("4 · Files"):
+            whole = f"/zip?folder={quote(self.recording.place.relative(folder))}"
+            button("Everything in one zip file", lambda: ui.navigate.to(whole), first=True).classes(
+                "self-start"
+            )
+            links = (
+                f"<a href='{shown(self.address(name, download='1'))}' download><b>{shown(name)}</b>"
+                f"<span>{shown(about)}</span><span>{size_of(size)}</span></a>"
+                for name, about, size in files
+            )
+            html("".join(links)).classes("s-files")
+            there = {name.rpartition("/")[2].partition(".")[2] for name, _, _ in files}
+            with ui.element("div").classes("s-row"):
+                ui.label("Find the pose again, and also write").classes("s-dim s-small")
+                for kind in (kind for kind in POSE_FORMATS if kind not in there):
+                    button(kind, lambda kind=kind: self._also(kind)).set_enabled(not self.recording.running)
+
+    async def _also(self, kind: str) -> None:
+        given = self.recording.given["refine"]
+        given["write"] = f"{given.get('write', 'csv,trc')},{kind}"
+        await self.press(self.recording.start, "refine")
 
 
-def _video(page: RecordingPage, result: Result, videos: list[str]) -> None:
-    """Show a video, and which it is of."""
+def _flag(remedy: Remedy) -> str:
+    return f"--{remedy.setting.replace('_', '-')}"
+
+
+def _video(result: AnyRun, videos: dict[str, str]) -> None:
+    """Show a video, and let choose which."""
     made = result.report["input"]
-    rate, first = made.get("frame_rate_hz") or "", made.get("first_frame", 0)
+    data = f"data-rate='{made.get('frame_rate_hz') or ''}' data-first='{made.get('first_frame', 0)}'"
+
+    @ui.refreshable
+    def play(source: str) -> None:
+        html(f"<video controls preload=metadata src='{shown(source)}' {data}></video>")
+
     with ui.element("div").classes("s-bar"):
-
-        @ui.refreshable
-        def shown(name: str) -> None:
-            source = page.address(name, v=str(result.report["run"]))
-            html(f"<video controls preload=metadata src='{source}' data-rate='{rate}' data-first='{first}'></video>")
-
         if len(videos) > 1:
-            names = {name: name.removeprefix("overlay/").removesuffix(".mp4") for name in videos}
-            ui.select(names, value=videos[0], label="Camera", on_change=lambda event: shown.refresh(event.value)).props(
-                "outlined dense"
-            )
-        shown(videos[0])
-        ui.label("The frame of the report is that at which the video is paused.").classes("s-help")
+            chosen = ui.select(videos, value=next(iter(videos)), label="Camera")
+            chosen.on_value_change(lambda event: play.refresh(event.value)).props("outlined dense")
+        play(next(iter(videos)))
+        ui.label(_PAUSED).classes("s-help")

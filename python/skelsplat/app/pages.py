@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from html import escape
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from nicegui import run, ui
 
 from skelsplat.app.forms import Form
-from skelsplat.app.found import output_of
-from skelsplat.app.parts import address, note, part
+from skelsplat.app.parts import address, button, html, note, progress, section, shown, table
 from skelsplat.app.places import Place
-from skelsplat.app.progress import show_progress
+from skelsplat.app.recording import put
 from skelsplat.app.recording_page import RecordingPage
-from skelsplat.app.recording import set_in
 from skelsplat.app.recordings import Recordings
-from skelsplat.app.results import read_result
+from skelsplat.cli.process import DONE
 from skelsplat.exceptions import SkelSplatError
+from skelsplat.io._run_files import is_run
+from skelsplat.run.found import output_of
 
 _HERE = Path(__file__).parent
-_SAID = (SkelSplatError, OSError)
+_WHAT = (
+    "It has one video per camera, or the keypoints that a detector has found in them, and a calibration if "
+    "there is one. An empty folder will do, too: files can be dropped into it."
+)
+_TOGETHER = (
+    "All with the same settings, each with results of its own. What has not changed is not done again."
+)
 
 
 def add_pages(recordings: Recordings) -> None:
@@ -31,74 +36,67 @@ def add_pages(recordings: Recordings) -> None:
     async def folder_page(at: str = "") -> None:
         folder = _opened(recordings.place, at)
         if folder is not None:
-            await _folder(recordings, folder)
+            with ui.element("main").classes("s-main"):
+                await _folder(recordings, folder)
 
     @ui.page("/recording")
     async def recording_page(at: str = "") -> None:
         folder = _opened(recordings.place, at)
         if folder is not None:
-            RecordingPage(await run.io_bound(recordings.at, folder)).show()
+            recording = await run.io_bound(recordings.at, folder)
+            if recording is not None:  # the server ends
+                with ui.element("main").classes("s-main"):
+                    RecordingPage(recording).show()
 
 
 def _opened(place: Place, at: str) -> Path | None:
-    """Begin a page about a folder, and return it; None, with the reason on the page, if it is refused."""
+    """Begin the page of a folder, and return it; None, with the reason on the page, if it is refused."""
     ui.add_css((_HERE / "page.css").read_text(encoding="utf-8"))
     ui.add_body_html(f"<script>{(_HERE / 'page.js').read_text(encoding='utf-8')}</script>")
     ui.colors(primary="#0a6ea8", positive="#1d7a46", negative="#b3261e", warning="#b4540a")
-    ui.query("html").props("lang=en")
     try:
-        folder = place.inside(at)
-        if not folder.is_dir():
-            raise NotADirectoryError(None, "there is no such folder", at)
-    except _SAID as error:
+        folder = place.folder(at)
+    except SkelSplatError as error:
         with ui.element("main").classes("s-main"):
             note("error", str(error))
-            ui.link("Back to the folders", "/")
+            ui.link("Back to the first folder", "/")
         return None
     with ui.element("header").classes("s-top"), ui.element("div"):
         ui.link("SkelSplat", "/").classes("s-brand")
         with ui.element("nav").classes("s-crumbs").props('aria-label="Folders"'):
-            _crumbs(place, folder)
+            for one in [one for one in reversed([folder, *folder.parents]) if one.is_relative_to(place.root)]:
+                ui.link(one.name or str(one), address("/", place.relative(one)))
+    html(f"<h1 class='s-title'>{shown(folder.name or folder)}</h1>").classes("s-title-row")
     return folder
-
-
-def _crumbs(place: Place, folder: Path) -> None:
-    ui.link(place.root.name or str(place.root), "/")
-    for one in reversed([folder, *folder.parents]):
-        if place.root in one.parents:
-            ui.label("/")
-            ui.link(one.name, address("/", place.relative(one)))
 
 
 async def _folder(recordings: Recordings, folder: Path) -> None:
     """Show a folder: those in it, which of them hold recordings, and how to refine these together."""
     place = recordings.place
-    with ui.element("main").classes("s-main"):
-        ui.html(f"<h1 class='s-title'>{escape(folder.name or str(folder))}</h1>", sanitize=False)
-        try:
-            folders = place.folders(folder)
-            inside = await run.io_bound(recordings.inside, folder)
-        except _SAID as error:
-            note("error", str(error))
-            return
-        with ui.element("section").classes("s-card"):
-            part("Choose the folder of a recording")
-            ui.label(
-                "It has one video per camera, or the keypoints that a detector has found in them, and "
-                "a calibration if you have one. An empty folder will do: files can be dropped into it."
-            ).classes("s-dim")
-            ui.button(
-                "Use this folder", on_click=lambda: ui.navigate.to(address("/recording", place.relative(folder)))
-            ).props("unelevated no-caps color=primary").classes("self-start")
-            _typed(place, folder)
-            with ui.element("div").classes("s-folders"):
-                for one in folders:
-                    _entry(place, one, one in inside)
-                if not folders:
-                    ui.label("There are no folders in it.").classes("s-dim s-small")
-        if len(inside) > 1:
-            with ui.element("section").classes("s-card"):
-                _together(recordings, folder, inside)
+    try:
+        folders, inside = place.folders(folder), await run.io_bound(recordings.inside, folder)
+    except SkelSplatError as error:
+        note("error", str(error))
+        return
+    with section("Choose the folder of a recording"):
+        ui.label(_WHAT).classes("s-dim")
+        here = address("/recording", place.relative(folder))
+        button("Use this folder", lambda: ui.navigate.to(here), first=True).classes("self-start")
+        _typed(place, folder)
+        with ui.element("div").classes("s-folders"):
+            for one in folders:
+                with ui.element("div").classes("s-folder"):
+                    page = "/recording" if one in (inside or ()) else "/"
+                    ui.link(one.name, address(page, place.relative(one)))
+                    for badge, holds in (
+                        ("recording", page != "/"),
+                        ("has results", is_run(one / output_of(one))),
+                    ):
+                        if holds:
+                            ui.label(badge).classes("s-badge")
+    if len(inside or ()) > 1:
+        with section("Several recordings at once"):
+            _Together(recordings, folder, inside or []).show()
 
 
 def _typed(place: Place, folder: Path) -> None:
@@ -106,62 +104,68 @@ def _typed(place: Place, folder: Path) -> None:
 
     def go() -> None:
         try:
-            ui.navigate.to(address("/", place.relative(place.inside(path.value or "", folder))))
-        except _SAID as error:
-            path.props(f'error error-message="{escape(str(error))}"')
+            ui.navigate.to(address("/", place.relative(place.folder(path.value or "", folder))))
+        except SkelSplatError as error:
+            path.props(remove="error").validate()
+            path.error = str(error)
 
-    path = ui.input("Path", value=str(folder)).props("outlined dense").classes("w-full")
+    path = ui.input("Path of the folder", value=str(folder)).props("outlined dense").classes("w-full")
     path.on("keydown.enter", go)
 
 
-def _entry(place: Place, folder: Path, holds: bool) -> None:
-    with ui.element("div").classes("s-folder"):
-        ui.icon("folder").classes("s-dim").props("aria-hidden=true")
-        ui.link(folder.name, address("/recording" if holds else "/", place.relative(folder)))
-        if holds:
-            ui.label("recording").classes("s-badge")
-        if read_result(folder / output_of(folder)) is not None:
-            ui.label("has results").classes("s-badge")
+class _Together:
+    """How several recordings in a folder are refined together."""
 
+    def __init__(self, recordings: Recordings, folder: Path, inside: list[Path]) -> None:
+        self.recordings, self.folder = recordings, folder
+        self.chosen = dict.fromkeys(inside, True)
+        self.problem = ""
 
-def _together(recordings: Recordings, folder: Path, inside: list[Path]) -> None:
-    """Show how several recordings are refined together."""
-    chosen = dict.fromkeys(inside, True)
-    given = recordings.given.setdefault(folder, {})
+    def show(self) -> None:
+        """Show which, their settings, and what is being done."""
+        ui.label(_TOGETHER).classes("s-dim")
+        with ui.element("div").classes("s-row"):
+            for one in self.chosen:
+                ui.checkbox(one.name, value=True, on_change=partial(self._choose, one))
+        given = self.recordings.given.setdefault(self.folder, {})
+        with ui.expansion("Settings").classes("w-full"):
+            form = Form({"refine": given}, lambda _, name, value: put(given, name, value))
+            form.main(["refine"])
+            form.more(["refine"])
+        self.action()
 
-    def choose(one: Path) -> Callable[[Any], None]:
-        return lambda event: chosen.__setitem__(one, bool(event.value))
+    def _choose(self, folder: Path, event: Any) -> None:
+        self.chosen[folder] = bool(event.value)
 
-    async def start() -> None:
+    async def _start(self) -> None:
+        self.problem = ""
         try:
-            await run.io_bound(recordings.batch, folder, [one for one, on in chosen.items() if on])
-        except _SAID as error:
-            with problems:
-                problems.clear()
-                note("error", str(error))
-            return
-        problems.clear()
-        progress.refresh()
+            chosen = [one for one, on in self.chosen.items() if on]
+            await run.io_bound(self.recordings.batch, self.folder, chosen)
+        except (SkelSplatError, OSError) as error:
+            self.problem = str(error)
+        self.action.refresh()
 
-    @ui.refreshable
-    def progress() -> None:
-        work = recordings.batches.get(folder)
+    @ui.refreshable_method
+    def action(self) -> None:
+        """Show what is being done, or became of the recordings, and the button that begins."""
+        if self.problem:
+            note("error", self.problem)
+        work = self.recordings.batches.get(self.folder)
         if work is not None:
-            show_progress(work, work.cancel, progress.refresh)
-
-    part("Several recordings at once")
-    ui.label("All with the same settings; each keeps its own results. What is done already is not done again.").classes(
-        "s-dim"
-    )
-    with ui.element("div").classes("s-row"):
-        for one in inside:
-            ui.checkbox(one.name, value=True, on_change=choose(one))
-    with ui.expansion("Settings for all of them").classes("w-full"):
-        form = Form({"refine": given}, lambda _, name, value: set_in(given, name, value))
-        form.main(["refine"])
-        form.more(["refine"])
-    problems = ui.element("div")
-    progress()
-    ui.button("Refine the chosen recordings", on_click=start).props("unelevated no-caps color=primary").classes(
-        "self-start"
-    )
+            progress(work, work.cancel, self.action.refresh)
+            if work.state == DONE:
+                rows = [row for one in work.document["recordings"] for row in one["rows"]]
+                names = ("recording", "frames", "median_error_px")
+                cells = [
+                    [
+                        row[names[0]],
+                        row[names[1]],
+                        row[names[2]] and f"{row[names[2]]:.1f} px",
+                        row["error"] or row["findings"],
+                    ]
+                    for row in rows
+                ]
+                table(("Recording", "Frames", "Error", "Findings"), cells)
+        start = button("Refine the chosen recordings", self._start, first=True).classes("self-start")
+        start.set_enabled(work is None or work.state != "running")

@@ -1,14 +1,27 @@
-"""Small parts of pages: sentences, tables, facts, text to copy."""
+"""Parts of pages: sentences, facts, tables, text to copy, and how far a command is."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
+from typing import Any
 from urllib.parse import urlencode
 
 from nicegui import ui
 
 from skelsplat._escape import escaped
+from skelsplat.cli._app import typed_names
+from skelsplat.cli.process import CANCELLED, FAILED, RUNNING, Work
+
+_EVERY_S = 0.25
+_DOING = {
+    "detect": ("Finding people in the videos", "frames"),
+    "calibrate": ("Finding the cameras", "steps"),
+    "refine": ("Finding the pose in 3D", "frames"),
+    "overlay": ("Drawing", "frames"),
+    "batch": ("Refining the recordings", "recordings"),
+}
+_BETTER = "Cancelled. Earlier files are as they were. Press again to go on or to begin anew."
 
 
 def address(page: str, at: str, **more: str) -> str:
@@ -22,52 +35,113 @@ def html(text: str) -> ui.html:
     return ui.html(text, sanitize=False)
 
 
-def part(head: str, level: int = 2) -> None:
-    """Show the head of a part."""
-    html(f"<h{level}>{escape(head)}</h{level}>")
+def shown(text: object) -> str:
+    """Return a text from elsewhere as HTML."""
+    return escape(escaped(str(text)))
+
+
+def section(name: str) -> ui.element:
+    """Return a part of a page, to be entered."""
+    made = ui.element("section").classes("s-card").props(f'aria-label="{name}"')
+    with made:
+        html(f"<h2>{name}</h2>")
+    return made
+
+
+def head(text: str) -> None:
+    """Show the head of a smaller part."""
+    html(f"<h3>{shown(text)}</h3>")
 
 
 def note(kind: str, text: str) -> ui.element:
-    """Show a sentence after a line in the colour of its kind: error, warning, lack or note; return its box."""
+    """Show a sentence behind a line in the colour of its kind: error, warning, lack, note; return its box."""
     word = {"error": "<b>Error.</b> ", "warning": "<b>Warning.</b> "}.get(kind, "")
     role = "alert" if kind == "error" else "note"
     with ui.element("div").classes(f"s-note s-{kind}").props(f"role={role}") as box:
-        html(f"<p>{word}{escape(escaped(text))}</p>")
+        html(f"<p>{word}{shown(typed_names(text))}</p>")
     return box
 
 
 def facts(named: Mapping[str, str]) -> None:
     """Show values, each above its name."""
     cells = (
-        f"<div class='s-fact'><b>{escape(escaped(value))}</b><span>{escape(escaped(name))}</span></div>"
-        for name, value in named.items()
+        f"<div class='s-fact'><b>{shown(text)}</b><span>{shown(name)}</span></div>"
+        for name, text in named.items()
     )
     html("".join(cells)).classes("s-facts")
 
 
-def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Show a table of texts."""
-    head = "".join(f"<th scope=col>{escape(text)}</th>" for text in heads)
-    body = "".join(
-        f"<tr>{''.join(f'<td>{escape(escaped(text))}</td>' for text in row)}</tr>" for row in rows
+def table(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+    """Show a table; None is a dash."""
+
+    def row(cells: Sequence[object], kind: str) -> str:
+        texts = ("–" if cell is None else shown(cell) for cell in cells)
+        return f"<tr>{''.join(f'<{kind}>{text}</{kind}>' for text in texts)}</tr>"
+
+    body = "".join(row(cells, "td") for cells in rows)
+    html(f"<table class='s-table'><thead>{row(heads, 'th')}</thead><tbody>{body}</tbody></table>").classes(
+        "s-wide"
     )
-    html(f"<table class='s-table'><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
 
 
-def button(text: str, action: object, *, first: bool = False, icon: str = "") -> ui.button:
+def button(text: str, action: Callable[..., Any], *, first: bool = False) -> ui.button:
     """Show a button; the ``first`` is that which most people press next."""
-    made = ui.button(text, on_click=action, icon=icon or None)  # type: ignore[arg-type]
-    return made.props("no-caps unelevated color=primary" if first else "no-caps outline color=primary")
+    return ui.button(text, on_click=action).props(
+        f"no-caps color=primary {'unelevated' if first else 'outline'}"
+    )
 
 
 def code(text: str, name: str) -> None:
-    """Show text that is copied, as commands are."""
+    """Show text to be copied."""
+
+    def copy() -> None:
+        ui.clipboard.write(text)
+        ui.notify(f"Copied {name}.", position="bottom")
+
     with ui.element("div").classes("s-code"):
-        html(f"<pre>{escape(escaped(text)) if chr(10) not in text else escape(text)}</pre>")
-        copy = ui.button(icon="content_copy", on_click=lambda: _copy(text, name))
-        copy.props(f'flat dense round size=sm aria-label="Copy {name}"')
+        html(f"<pre>{escape(text)}</pre>")
+        ui.button(icon="content_copy", on_click=copy).props(
+            f'flat dense round size=sm aria-label="Copy {name}"'
+        )
 
 
-def _copy(text: str, name: str) -> None:
-    ui.clipboard.write(text)
-    ui.notify(f"Copied {name}.", position="bottom")
+def progress(work: Work, cancel: Callable[[], None], ended: Callable[[], object]) -> None:
+    """Show a bar with the time left and a button that cancels, and call ``ended`` once; or how it ended."""
+    if work.state == FAILED:
+        note("error", work.error)
+    if work.state == CANCELLED:
+        note("note", _BETTER)
+    if work.state != RUNNING:
+        return
+    with ui.element("div").classes("s-bar"):
+        label = ui.label(_DOING[work.words[0]][0]).props("role=status")
+        bar = ui.linear_progress(value=0.0, show_value=False, size="8px")
+        bar.props(f'rounded indeterminate aria-label="{_DOING[work.words[0]][0]}"')
+        button("Cancel", cancel).classes("self-start")
+
+    def tick() -> None:
+        if work.state != RUNNING:
+            timer.deactivate()
+            ended()
+            return
+        label.set_text(_words(work))
+        if work.bar is not None and work.bar.share is not None:
+            bar.props(remove="indeterminate").set_value(round(work.bar.share, 3))
+
+    timer = ui.timer(_EVERY_S, tick)
+
+
+def _words(work: Work) -> str:
+    """Return what is being done, how far it is, and the time left."""
+    (what, unit), bar = _DOING[work.words[0]], work.bar
+    if bar is None or not bar.total:
+        return f"{what} …"
+    name = f", {bar.name}" if work.words[0] in ("detect", "overlay") else ""
+    left = "" if bar.seconds_left is None else f", {_time(bar.seconds_left)} left"
+    return f"{what}{name}: {bar.done or 0} of {bar.total} {unit}{left}"
+
+
+def _time(seconds: float) -> str:
+    """Return a time in words, as exact as it can be foreseen."""
+    minutes = round(seconds / 60)
+    return f"about {max(1, round(seconds))} s" if seconds < 60 else f"about {minutes} min"

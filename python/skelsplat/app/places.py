@@ -25,7 +25,7 @@ class Place:
         return cls(folder.resolve())
 
     def inside(self, path: str | Path, base: Path | None = None) -> Path:
-        """Return a path, relative to a folder here, with links followed; `InvalidInputError` if it is outside."""
+        """Return a path from a folder here, with links followed; `InvalidInputError` if it is outside."""
         text = str(path)
         if "\0" in text:
             raise InvalidInputError(f"folder: expected a path, got {text!r}")
@@ -33,6 +33,13 @@ class Place:
         if found != self.root and self.root not in found.parents:
             way = "start skelsplat app with a folder that has it"
             raise InvalidInputError(f"folder: expected one in {self.root} ({way}), got {text}")
+        return found
+
+    def folder(self, path: str, base: Path | None = None) -> Path:
+        """Return a folder here that exists."""
+        found = self.inside(path, base)
+        if not found.is_dir():
+            raise InvalidInputError(f"folder: expected one that exists, got {path}")
         return found
 
     def relative(self, path: Path) -> str:
@@ -46,7 +53,9 @@ class Place:
             there = [one for one in folder.iterdir() if not one.name.startswith(".") and one.is_dir()]
         except OSError as error:
             reason = (error.strerror or "it cannot be read").lower()
-            raise InvalidInputError(f"folder: expected one that can be read, got {folder}: {reason}") from error
+            raise InvalidInputError(
+                f"folder: expected one that can be read, got {folder}: {reason}"
+            ) from error
         inside = [one for one in there if self.root in one.resolve().parents]
         return sorted(inside, key=lambda one: natural(one.name))[:_MOST]
 

@@ -18,11 +18,12 @@ from nicegui import ui
 
 from skelsplat._atomic import atomic_path
 from skelsplat.app import pages
+from skelsplat.app.files import files_of, zipped
 from skelsplat.app.guard import HOST, Guard
 from skelsplat.app.places import Place
 from skelsplat.app.recordings import Recordings
-from skelsplat.app.results import read_result, zipped
 from skelsplat.exceptions import SkelSplatError
+from skelsplat.io._run_files import is_run
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
@@ -71,7 +72,14 @@ def _app(recordings: Recordings) -> FastAPI:
     app = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
     _add_files(app, recordings.place)
     pages.add_pages(recordings)
-    ui.run_with(app, title="SkelSplat", favicon="🦴", dark=None, language="en-US", show_welcome_message=False)
+    ui.run_with(
+        app,
+        title="SkelSplat",
+        favicon="🦴",
+        dark=None,
+        language="en-US",
+        show_welcome_message=False,
+    )
     return app
 
 
@@ -82,21 +90,22 @@ def _add_files(app: FastAPI, place: Place) -> None:
     def take(path: str, folder: str = "", download: bool = False) -> Response:
         run = _inside(place, folder)
         file = _inside(place, path, run)
-        if read_result(run) is None or run not in file.parents or not file.is_file():
+        if not is_run(run) or path not in [name for name, *_ in files_of(run)]:
             raise HTTPException(404, "There is no such file of a run.")
         kind = mimetypes.guess_type(file.name)[0] or "application/octet-stream"
         name = file.name if download else None
-        return FileResponse(file, media_type=kind, filename=name, headers=_ALONE | {"cache-control": "no-store"})
+        return FileResponse(
+            file, media_type=kind, filename=name, headers=_ALONE | {"cache-control": "no-store"}
+        )
 
     @app.get("/zip")
     def take_all(folder: str = "") -> Response:
         run = _inside(place, folder)
-        result = read_result(run)
-        if result is None:
+        if not is_run(run):
             raise HTTPException(404, "There is no run in this folder.")
         name = quote(f"{run.parent.name if run.name == 'out' else run.name}.zip")
         headers = {"content-disposition": f"attachment; filename*=utf-8''{name}"}
-        return StreamingResponse(zipped(result), media_type="application/zip", headers=headers)
+        return StreamingResponse(zipped(run), media_type="application/zip", headers=headers)
 
     @app.put("/bring")
     async def bring(request: Request, folder: str = "", name: str = "") -> Any:

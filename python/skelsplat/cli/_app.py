@@ -77,7 +77,7 @@ class OneLineErrors(Group):
         except (KeyboardInterrupt, typer.Abort):
             status = INTERRUPTED
         except (sk.SkelSplatError, OSError) as error:
-            _fail(FAILED, f"error: {described(error)}")
+            _fail(FAILED, f"error: {_describe(error)}")
         except Exception as error:
             if not hasattr(error, "format_message"):  # what every error of usage has, in typer and in click
                 raise
@@ -92,12 +92,16 @@ def _fail(status: int, message: str) -> NoReturn:
     sys.exit(status)
 
 
-def described(error: Exception) -> str:
+def _describe(error: Exception) -> str:
     """Return one line that names the file, for the errors of the package and of the operating system."""
     if isinstance(error, OSError) and not isinstance(error, sk.SkelSplatError) and error.filename is not None:
         return f"{error.filename}: {(error.strerror or 'cannot be used').lower()}"
-    # arguments within a sentence, as options
-    text = re.sub(r'mapping=\{"(.+?)": …\} assigns it; None', r"--map \1=NAME assigns it; none", str(error))
+    return typed_names(str(error))
+
+
+def typed_names(sentence: str) -> str:
+    """Return a sentence of the package with options in place of the arguments in it."""
+    text = re.sub(r'mapping=\{"(.+?)": …\} assigns it; None', r"--map \1=NAME assigns it; none", sentence)
     return re.sub(r'\b(order|without)=(?:"(\w+)")?', r"--\1 \2", text).replace("  ", " ")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from os import cpu_count
@@ -22,7 +22,7 @@ from skelsplat.cli.config import MisfitError, entries_of, options_in, source_of,
 from skelsplat.cli.output import print_findings, print_message, print_text, progress
 from skelsplat.cli.rows import rows
 from skelsplat.cli.table import new_table, print_adjusted, print_table
-from skelsplat.exceptions import DatasetError
+from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.run import Batch, Job, run_batch
 from skelsplat.run.batch import DONE, RECORD, TABLE, UNCHANGED, trials
 from skelsplat.run.batch import FAILED as FAILED_RECORDING
@@ -52,8 +52,7 @@ OPTIONS = (
 
 _program = typer.Typer(add_completion=False)
 _program.command("refine", cls=Command)(takes(*options.JOB)(options.job_of))
-REFINE: Any = typer.main.get_command(_program)
-"""``skelsplat refine`` that only returns its `Job`."""
+_refine: Any = typer.main.get_command(_program)
 
 
 @answers(*OPTIONS, short=True, epilog=_EPILOG)
@@ -113,7 +112,7 @@ def _recordings(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 def _sessions(document: dict[str, Any], folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
-    known = entries_of(REFINE)
+    known = entries_of(_refine)
     for key in document:
         if key not in ("defaults", "session"):
             raise unknown(key, "[defaults] or [[session]]", ["defaults", "session"])
@@ -150,15 +149,23 @@ def _named_by(detections: Path, folder: Path) -> str:
 
 def _job(sessions: Path, name: str, values: Mapping[str, Any]) -> Job:
     """Return the job of a recording, whose options are checked as those of the command line."""
-    values = {"output": Path(), **values}
     try:
-        job: Job = REFINE.main([], prog_name="refine", standalone_mode=False, default_map=values)
+        job = job_of([], {"output": Path(), **values})
+    except InvalidInputError as error:
+        raise typer.BadParameter(f"{sessions}: {name}: {error}", param_hint="SESSIONS") from error
+    return replace(job, output=None) if job.output == Path() else job
+
+
+def job_of(words: Sequence[str], usual: Mapping[str, Any] | None = None) -> Job:
+    """Return the job of the words after ``skelsplat refine``; an error of usage is an `InvalidInputError`."""
+    try:
+        job: Job = _refine.main([*words], prog_name="refine", standalone_mode=False, default_map=usual)
     except Exception as error:
         if not hasattr(error, "format_message"):  # what every error of usage has
             raise
         text = error.format_message().replace("Invalid value for ", "", 1).replace("'", "", 2)
-        raise typer.BadParameter(f"{sessions}: {name}: {text}", param_hint="SESSIONS") from error
-    return replace(job, output=None) if job.output == Path() else job
+        raise InvalidInputError(text) from error
+    return job
 
 
 def _print(found: Batch, folder: Path, console: Console) -> None:

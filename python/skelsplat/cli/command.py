@@ -43,8 +43,8 @@ class LazyGroup(Group):
     """A group whose commands are imported when they are needed, and not for its help.
 
     `texts` has the names, with the lines that the help of this group shows. The command ``a-b`` is the
-    function ``a_b`` of the module in `modules`, relative to `skelsplat.cli`, or of ``a_b``; a group of commands is the
-    application ``app`` there.
+    function ``a_b`` of the module in `modules`, relative to `skelsplat.cli`, or of ``a_b``; a group of
+    commands is the application ``app`` there.
     """
 
     texts: ClassVar[Mapping[str, str]] = {}

@@ -142,9 +142,7 @@ def _pasted(finding: Finding) -> list[str]:
 
 
 @contextlib.contextmanager
-def progress(
-    unit: str, *, first: str | None = None, time: ProgressColumn | None = None
-) -> Iterator[Bar]:
+def progress(unit: str, *, first: str | None = None, time: ProgressColumn | None = None) -> Iterator[Bar]:
     """Yield a function of (name, done, total) that draws a bar of a unit for each name.
 
     With ``first``, the first name, there is one bar, with the last name before it; None leaves a number as it

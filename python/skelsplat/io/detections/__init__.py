@@ -16,9 +16,9 @@ import skelsplat as sk
 from skelsplat._budget import within_memory
 from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.io._files import natural
+from skelsplat.io.detections._format import View
 from skelsplat.io.detections._frames import FRAME_MODES, FrameMode, check_offsets, shared_frames
 from skelsplat.io.detections._joints import Skeleton, check_mapping, choose_layout, read_layout, read_skeleton
-from skelsplat.io.detections._format import View
 from skelsplat.io.detections._match import (
     Candidates,
     camera_called,

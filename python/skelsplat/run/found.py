@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._words import metric
 from skelsplat.cameras import MM_PER_UNIT
-from skelsplat.cli._app import described
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
 from skelsplat.findings import collected_warnings
 from skelsplat.io._files import VIDEO_SUFFIXES
@@ -28,8 +28,8 @@ _SAMPLED = 12  # frames in which people are counted
 _CALIBRATIONS = (".toml", ".json", ".xml", ".txt", ".xcp", ".yml", ".yaml", ".npz", ".pickle", ".pkl", ".h5")
 _RATES = ("25", "30", "50", "60", "100")
 _NO_RATE = (
-    "The frame rate is not known. With it, all frames are solved together: joints move smoothly, and people can be "
-    "followed. Choose it, or type another below:"
+    "The frame rate is not known. With it, all frames are solved together: joints move smoothly, and "
+    "people can be followed. Choose it, or type another below:"
 )
 _BY_COMMANDS = ("overlay", "plots", "opensim")
 
@@ -43,6 +43,11 @@ class Camera:
     fps: float | None = None
     size: tuple[int, int] | None = None
     people: int | None = None
+
+    @property
+    def image(self) -> str | None:
+        """Its size in words."""
+        return None if self.size is None else f"{self.size[0]}×{self.size[1]}"
 
 
 @dataclass(frozen=True)
@@ -83,10 +88,26 @@ class Found:
         return bool(self.calibration and self.detections) and not missing
 
     @property
-    def rate(self) -> float | None:
-        """Frames per second, if all cameras have the same."""
-        rates = {round(one.fps, 3) for one in self.cameras if one.fps}
-        return rates.pop() if len(rates) == 1 else None
+    def facts(self) -> dict[str, str]:
+        """What was found, in a few words each."""
+        frames = sorted({one.frames for one in self.cameras if one.frames})
+        rates = sorted({f"{one.fps:.5g}" for one in self.cameras if one.fps})
+        people = [one.people for one in self.cameras if one.people is not None]
+        named = {
+            "cameras": str(len(self.cameras) or ""),
+            "frames": " to ".join(map(str, dict.fromkeys([*frames[:1], *frames[-1:]]))),
+            "frames per second": " and ".join(rates),
+            "people at once": f"up to {max(people)}" if people else "",
+            "joints": self.layout,
+            "unit of the calibration": self.unit,
+        }
+        return {name: text or "–" for name, text in named.items()}
+
+    @property
+    def files(self) -> dict[str, str]:
+        """Where it is."""
+        named = {"Calibration": self.calibration, "Keypoints": self.detections, "Videos": self.videos}
+        return {name: "this folder" if text == "." else text or "none" for name, text in named.items()}
 
 
 def holds_recording(folder: Path) -> bool:
@@ -113,22 +134,31 @@ def _look(folder: Path, given: Mapping[str, Any]) -> Found:
     calibrations, broken = _calibrations(folder, dict.fromkeys([*beside, *_named_calib(folder)]))
     calibration = _chosen(calibrations, given.get("calibration"))
     detections = _chosen(keypoints, given.get("detections"))
-    found = {"calibration": calibration, "calibrations": calibrations, "videos": videos}
-    lacks = [*broken]
     rig, lack = _rig(folder, calibration, given)
     cameras, layout, more = _sight(folder, detections, rig, given)
     sources = _sources(folder / videos) if videos else {}
     if sources:
         cameras = cameras or tuple(Camera(name) for name in sources)
         cameras = tuple(_with_source(one, sources.get(one.name)) for one in cameras)
-    lacks += [*lack, *more, *_missing(calibration, detections, videos, bool(broken))]
+    lacks = [*broken, *lack, *more, *_missing(calibration, detections, videos, bool(broken))]
     if not given.get("fps") and detections and not any(one.fps for one in cameras):
-        lacks.append(Lack(_NO_RATE, setting="fps", values={rate: f"{rate} per second" for rate in _RATES}, optional=True))
-    unit = "" if rig is None else rig.unit
+        lacks.append(
+            Lack(
+                _NO_RATE, setting="fps", values={rate: f"{rate} per second" for rate in _RATES}, optional=True
+            )
+        )
     return Found(
-        folder, cameras, detections=detections, keypoints=keypoints, layout=layout, unit=unit,
-        lacks=tuple(lacks), **found,
-    )  # fmt: skip
+        folder,
+        cameras,
+        calibration,
+        calibrations,
+        detections,
+        keypoints,
+        videos,
+        layout,
+        "" if rig is None else rig.unit,
+        tuple(lacks),
+    )
 
 
 def _missing(calibration: str, detections: str, videos: str, broken: bool) -> Iterator[Lack]:
@@ -157,7 +187,9 @@ def _keypoints(folder: Path) -> tuple[str, ...]:
     if not is_run(folder):
         with suppress(DatasetError):  # it cannot be read
             found = recognised(folder)
-            if found and not any(path.parent == folder and calibration_format(path) for path in found.values()):
+            if found and not any(
+                path.parent == folder and calibration_format(path) for path in found.values()
+            ):
                 return (".",)
     inside = (name.rstrip("/") for name in folders_beneath(folder))
     return tuple(name for name in inside if not any(part in _BY_COMMANDS for part in name.split("/")))
@@ -182,7 +214,9 @@ def _calibrations(folder: Path, places: Mapping[Path, None]) -> tuple[tuple[str,
     found: list[str] = []
     lacks: list[Lack] = []
     for place in (one for one in places if one.is_dir() and not is_run(one)):
-        files = [one for one in sorted(place.iterdir()) if one.suffix.lower() in _CALIBRATIONS and one.is_file()]
+        files = [
+            one for one in sorted(place.iterdir()) if one.suffix.lower() in _CALIBRATIONS and one.is_file()
+        ]
         for path in files[:_LOOKED_AT]:
             name = path.relative_to(folder).as_posix()
             try:
@@ -196,7 +230,7 @@ def _calibrations(folder: Path, places: Mapping[Path, None]) -> tuple[tuple[str,
 
 def _line(error: Exception, folder: Path) -> str:
     """Return an error in one line, with paths from the folder of the recording."""
-    return described(error).replace(f"{folder}/", "")
+    return str(error).replace(f"{folder}/", "")
 
 
 def _rig(folder: Path, calibration: str, given: Mapping[str, Any]) -> tuple[sk.CameraRig | None, list[Lack]]:
@@ -217,21 +251,22 @@ def _units(calibration: Path) -> Iterator[tuple[str, str]]:
     """Yield each unit, and how far apart cameras are in it."""
     for unit, per in MM_PER_UNIT.items():
         centres = np.array([camera.centre for camera in read_calibration(calibration, unit=unit)])
-        apart = np.linalg.norm(centres[:, None] - centres[None], axis=-1).max() * per / 1000.0
-        yield unit, f"{unit}: cameras up to {apart:,.3g} m apart"
+        apart = np.linalg.norm(centres[:, None] - centres[None], axis=-1).max() * per
+        yield unit, f"{unit}: cameras are up to {metric(apart)} apart"
 
 
 def _sight(
     folder: Path, detections: str, rig: sk.CameraRig | None, given: Mapping[str, Any]
 ) -> tuple[tuple[Camera, ...], str, list[Lack]]:
     """Return the cameras as detections show them, the layout, and what is missing to read them."""
-    cameras = () if rig is None else tuple(Camera(one.name, size=one.size) for one in rig)
+    cameras = () if rig is None else tuple(map(_calibrated, rig.names, rig))
     if not detections:
         return cameras, "", []
     try:
         views = sights(folder / detections)
         cameras = tuple(
-            Camera(name, len(view.frames), view.rate, view.size, _people(view)) for name, view in views.items()
+            Camera(name, len(view.frames), view.rate, view.size, _people(view))
+            for name, view in views.items()
         )
         names = list(views) if rig is None else rig
         layout = given.get("layout") or None
@@ -245,6 +280,10 @@ def _sight(
                 return cameras, "", [Lack(words, setting="layout", values={name: name for name in fitting})]
         return cameras, "", [Lack(_line(error, folder))]
     return cameras, opened.skeleton.name, []
+
+
+def _calibrated(name: str, camera: sk.Camera) -> Camera:
+    return Camera(name, size=camera.size)
 
 
 def _sampled(view: Any) -> Iterator[list[Any]]:
