@@ -53,6 +53,12 @@ def write_recording(folder, n_frames=5):
     return folder, rig, pose
 
 
+@pytest.fixture(scope="session")
+def walk():
+    """Return the function that writes a recording into a folder."""
+    return write_recording
+
+
 @pytest.fixture
 def recording(tmp_path, request):
     return write_recording(tmp_path, getattr(request, "param", 5))

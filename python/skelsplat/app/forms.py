@@ -91,10 +91,10 @@ class Form:
                 made.props("outlined dense stack-label debounce=300")
             ui.label(row.help).classes("s-help")
 
-    def _changed(self, command: str, row: Option, event: Any) -> None:
+    def _changed(self, command: str, row: Option, event: Any) -> object:
         value = event.value
         if row.name == "write":
             value = ",".join(value)
         elif isinstance(value, str):
             value = [one for part in value.split(",") if (one := part.strip())] if row.many else value.strip()
-        self.change(command, row.name, value)
+        return self.change(command, row.name, value)

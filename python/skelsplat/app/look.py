@@ -8,7 +8,6 @@ from urllib.parse import quote
 
 from nicegui import ui
 
-from skelsplat.app.files import files_of, size_of
 from skelsplat.app.forms import Form
 from skelsplat.app.parts import button, facts, head, html, note, section, shown, table
 from skelsplat.app.recording import OPTIONS, Recording, put
@@ -16,6 +15,7 @@ from skelsplat.cli.rows import Option
 from skelsplat.findings import Finding, Remedy
 from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.run.compared import AnyRun, compared, findings_of, numbers_of
+from skelsplat.run.files import files_of, size_of
 from skelsplat.run.folder import PAGE
 
 _FEW = 4  # findings that are shown at once
@@ -107,27 +107,29 @@ class ResultParts:
     def _pictures(self, result: AnyRun) -> None:
         """Show the report, and the videos beside it."""
         folder, version = self.recording.output, str(result.report["run"])
-        found = sorted(
-            (one.name for one in (folder / "overlay").glob("*.mp4")), key=lambda name: name != "grid.mp4"
-        )
-        videos = {self.address(f"overlay/{name}", v=version): name.removesuffix(".mp4") for name in found}
+        video = next(iter((folder / "overlay").glob("grid.mp4")), None)
         has_page = (folder / PAGE).is_file()
-        with ui.element("div").classes("s-look two" if videos and has_page else "s-look"):
+        with ui.element("div").classes("s-look two" if video and has_page else "s-look"):
             if has_page:
                 source = shown(self.address(PAGE, v=version))
                 html(f"<iframe title='Report with the pose in 3D' src='{source}'></iframe>")
-            if videos:
-                _video(result, videos)
+            if video:
+                self._video(result, version)
         with ui.element("div").classes("s-row"):
             if has_page:
                 ui.link("Open the report in a tab of its own", self.address(PAGE), new_tab=True)
             draw = (
                 "Draw the pose on the videos" if self.recording.found.videos else "Draw what each camera sees"
             )
-            start = button(
-                draw + " again" * bool(videos), lambda: self.press(self.recording.start, "overlay")
-            )
+            start = button(draw + " again" * bool(video), lambda: self.press(self.recording.start, "overlay"))
             start.set_enabled(not self.recording.running)
+
+    def _video(self, result: AnyRun, version: str) -> None:
+        made, source = result.report["input"], shown(self.address("overlay/grid.mp4", v=version))
+        data = f"data-rate='{made.get('frame_rate_hz') or ''}' data-first='{made.get('first_frame', 0)}'"
+        with ui.element("div").classes("s-bar"):
+            html(f"<video controls preload=metadata src='{source}' {data}></video>")
+            ui.label(_PAUSED).classes("s-help")
 
     @ui.refreshable_method
     def take(self) -> None:
@@ -160,20 +162,3 @@ class ResultParts:
 
 def _flag(remedy: Remedy) -> str:
     return f"--{remedy.setting.replace('_', '-')}"
-
-
-def _video(result: AnyRun, videos: dict[str, str]) -> None:
-    """Show a video, and let choose which."""
-    made = result.report["input"]
-    data = f"data-rate='{made.get('frame_rate_hz') or ''}' data-first='{made.get('first_frame', 0)}'"
-
-    @ui.refreshable
-    def play(source: str) -> None:
-        html(f"<video controls preload=metadata src='{shown(source)}' {data}></video>")
-
-    with ui.element("div").classes("s-bar"):
-        if len(videos) > 1:
-            chosen = ui.select(videos, value=next(iter(videos)), label="Camera")
-            chosen.on_value_change(lambda event: play.refresh(event.value)).props("outlined dense")
-        play(next(iter(videos)))
-        ui.label(_PAUSED).classes("s-help")

@@ -29,7 +29,7 @@ class Place:
         text = str(path)
         if "\0" in text:
             raise InvalidInputError(f"folder: expected a path, got {text!r}")
-        found = ((base or self.root) / Path(text).expanduser()).resolve()
+        found = ((base or self.root) / text).resolve()
         if found != self.root and self.root not in found.parents:
             way = "start skelsplat app with a folder that has it"
             raise InvalidInputError(f"folder: expected one in {self.root} ({way}), got {text}")

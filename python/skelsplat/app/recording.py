@@ -20,7 +20,18 @@ from skelsplat.run.earlier import options_of
 from skelsplat.run.found import Found, look, output_of
 
 _CAMERAS, _PAGE_OF_CAMERAS, _KEYPOINTS = "Calib-from-people.toml", "calibration.html", "pose"
-_OF_FILES = ("calibration", "detections", "output", "videos", "report", "force", "overwrite", "run", "plain")
+_OF_FILES = (
+    "calibration",
+    "detections",
+    "output",
+    "videos",
+    "report",
+    "force",
+    "overwrite",
+    "run",
+    "plain",
+    "grid",
+)
 OPTIONS: dict[str, tuple[Option, ...]] = {
     command: tuple(row for row in rows if row.name not in _OF_FILES)
     for command, rows in {
@@ -46,7 +57,6 @@ class Recording:
     result: AnyRun | None = None
     before: tuple[AnyRun, str, dict[str, Any]] | None = None  # until a remedy: result, what, settings
     work: Work | None = None
-    queue: list[str] = field(default_factory=list)  # commands that follow if the present one succeeds
     done: list[str] = field(default_factory=list)  # commands as they are typed
     version: int = 0  # goes up whenever something else is to be shown
 
@@ -82,7 +92,7 @@ class Recording:
             "detect": (found.videos, "-o", _KEYPOINTS),
             "calibrate": cameras,
             "refine": (found.calibration, found.detections, "-o", out),
-            "overlay": (out, found.videos or "--plain"),
+            "overlay": (out, found.videos or "--plain", "--grid"),
         }
         return [command, *files[command], *typed(OPTIONS[command], given)]
 
@@ -99,36 +109,27 @@ class Recording:
         ready = [last] if self.found.detections else []
         return "\n".join(dict.fromkeys([f"cd {shlex.quote(str(self.folder))}", *self.done, *ready]))
 
-    def start(self, *commands: str) -> None:
-        """Start a command, and the others after it, each if that before it succeeded."""
+    def start(self, command: str) -> None:
+        """Start a command."""
         if self.running:
-            raise InvalidInputError(f"{commands[0]}: expected one command at a time, got a second one")
-        first, *self.queue = commands
-        self.work = Work(self.words(first), self.folder, self._ended).start()
+            raise InvalidInputError(f"{command}: expected one command at a time, got a second one")
+        self.work = Work(self.words(command), self.folder, self._ended).start()
         self.version += 1
 
     def cancel(self) -> None:
-        """Cancel what is being done, and what would follow."""
-        self.queue.clear()
+        """Cancel what is being done."""
         if self.work is not None:
             self.work.cancel()
 
     def _ended(self, work: Work) -> None:
-        """Go on after a command: take over what it found, look again, start the next."""
+        """Take over what a command has found, and look again."""
         if work.state == DONE:
             self.done.append(work.command)
             for command in work.document.get("refine", ()) if work.words[0] == "calibrate" else ():
                 self.given["refine"].pop("unit", None)
-                self.given["refine"] |= {
-                    "calibration": _CAMERAS,
-                    **texts_in(OPTIONS["refine"], shlex.split(command)),
-                }
+                self.given["refine"] |= {"calibration": _CAMERAS}
+                self.given["refine"] |= texts_in(OPTIONS["refine"], shlex.split(command))
         self.look()
-        if work.state == DONE and self.queue:
-            try:
-                self.start(*self.queue)
-            except (SkelSplatError, OSError) as error:
-                work.messages.append(f"error: {error}")
 
     def try_remedy(self, row: Option, value: Any) -> None:
         """Refine with a remedy of a finding, and keep the result before it for comparison."""

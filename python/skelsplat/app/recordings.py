@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from skelsplat._atomic import atomic_write_text
 from skelsplat.app.places import Place
-from skelsplat.app.recording import OPTIONS, Recording
+from skelsplat.app.recording import Recording
+from skelsplat.cli.batch import sessions_of
 from skelsplat.cli.process import RUNNING, Work
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.run.found import Found, holds_recording, look, output_of
+from skelsplat.run.found import holds_recording, look, output_of
 
 SESSIONS, RESULTS = "skelsplat-sessions.toml", "batch"
 
@@ -47,7 +47,15 @@ class Recordings:
                 lacks = [lack.text for lack in one.lacks] or ["it holds no recording"]
                 raise InvalidInputError(f"{one.folder.name}: {lacks[0]}")
         file, _ = self.place.inside(SESSIONS, folder), self.place.inside(RESULTS, folder)
-        atomic_write_text(file, _sessions(folder, found, given))
+        files = {
+            one.folder.relative_to(folder).as_posix(): (
+                one.calibration,
+                one.detections,
+                output_of(one.folder),
+            )
+            for one in found
+        }
+        atomic_write_text(file, sessions_of(files, given))
         work = Work(["batch", SESSIONS, "-o", RESULTS], folder, lambda _: self._look(chosen))
         self.batches[folder] = work.start()
 
@@ -63,19 +71,3 @@ class Recordings:
         for work in works:
             work.cancel()
             work.wait()
-
-
-def _sessions(folder: Path, found: Sequence[Found], given: Mapping[str, Any]) -> str:
-    """Return the file of a batch: settings of all, files of each. Texts in TOML are those of JSON."""
-    shared = [(row.flag[2:], given[row.name]) for row in OPTIONS["refine"] if row.name in given]
-    lines = ["[defaults]", *(f"{key} = {json.dumps(value)}" for key, value in shared)]
-    for one in found:
-        name = one.folder.relative_to(folder).as_posix()
-        paths = {
-            "calibration": one.calibration,
-            "detections": one.detections,
-            "output": output_of(one.folder),
-        }
-        lines += ["", "[[session]]", f"name = {json.dumps(name)}"]
-        lines += [f"{key} = {json.dumps(f'{name}/{path}')}" for key, path in paths.items()]
-    return "\n".join([*lines, ""])

@@ -5,10 +5,8 @@ from __future__ import annotations
 import mimetypes
 import socket
 import webbrowser
-from collections.abc import Iterator
-from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import quote
 
 import uvicorn
@@ -18,15 +16,12 @@ from nicegui import ui
 
 from skelsplat._atomic import atomic_path
 from skelsplat.app import pages
-from skelsplat.app.files import files_of, zipped
 from skelsplat.app.guard import HOST, Guard
 from skelsplat.app.places import Place
 from skelsplat.app.recordings import Recordings
 from skelsplat.exceptions import SkelSplatError
 from skelsplat.io._run_files import is_run
-
-if TYPE_CHECKING:
-    from collections.abc import AsyncIterator
+from skelsplat.run.files import files_of, zipped
 
 # What is in a folder is from elsewhere: as a page of its own it may run programs, and not use this server.
 _ALONE = {"content-security-policy": "sandbox allow-scripts allow-downloads; frame-ancestors 'self'"}
@@ -49,27 +44,17 @@ def serve(folder: Path, port: int = 0, *, browser: bool = True) -> None:
             recordings.cancel()
 
 
-@contextmanager
-def listening(port: int) -> Iterator[socket.socket]:
-    """Listen on a port of 127.0.0.1; 0 is one that is free."""
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listener:
-        try:
-            listener.bind((HOST, port))
-        except OSError as error:
-            raise OSError(error.errno, error.strerror, f"{HOST}:{port}") from error
-        listener.listen()
-        yield listener
+def listening(port: int) -> socket.socket:
+    """Return a socket that listens on a port of 127.0.0.1; 0 is one that is free."""
+    try:
+        return socket.create_server((HOST, port))
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, f"{HOST}:{port}") from error
 
 
 def _app(recordings: Recordings) -> FastAPI:
     """Return the application: pages, and files in and out."""
-
-    @asynccontextmanager
-    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        yield
-        recordings.cancel()
-
-    app = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
+    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     _add_files(app, recordings.place)
     pages.add_pages(recordings)
     ui.run_with(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -154,6 +155,17 @@ def _job(sessions: Path, name: str, values: Mapping[str, Any]) -> Job:
     except InvalidInputError as error:
         raise typer.BadParameter(f"{sessions}: {name}: {error}", param_hint="SESSIONS") from error
     return replace(job, output=None) if job.output == Path() else job
+
+
+def sessions_of(files: Mapping[str, Sequence[str]], given: Mapping[str, Any]) -> str:
+    """Return a file of sessions: by folder, calibration, detections and output in it, and texts for all."""
+    shared = [(row.flag[2:], given[row.name]) for row in options.JOB if row.name in given]
+    lines = ["[defaults]", *(f"{key} = {json.dumps(value)}" for key, value in shared)]
+    for name, paths in files.items():
+        lines += ["", "[[session]]", f"name = {json.dumps(name)}"]  # texts of JSON are texts of TOML
+        named = zip(("calibration", "detections", "output"), paths, strict=True)
+        lines += [f"{key} = {json.dumps(f'{name}/{path}')}" for key, path in named]
+    return "\n".join([*lines, ""])
 
 
 def job_of(words: Sequence[str], usual: Mapping[str, Any] | None = None) -> Job:

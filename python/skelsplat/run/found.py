@@ -75,6 +75,7 @@ class Found:
     layout: str = ""
     unit: str = ""
     lacks: tuple[Lack, ...] = ()
+    fps: str = ""  # as it was given
 
     @property
     def empty(self) -> bool:
@@ -96,7 +97,7 @@ class Found:
         named = {
             "cameras": str(len(self.cameras) or ""),
             "frames": " to ".join(map(str, dict.fromkeys([*frames[:1], *frames[-1:]]))),
-            "frames per second": " and ".join(rates),
+            "frames per second": self.fps or " and ".join(rates),
             "people at once": f"up to {max(people)}" if people else "",
             "joints": self.layout,
             "unit of the calibration": self.unit,
@@ -158,6 +159,7 @@ def _look(folder: Path, given: Mapping[str, Any]) -> Found:
         layout,
         "" if rig is None else rig.unit,
         tuple(lacks),
+        given.get("fps") or "",
     )
 
 

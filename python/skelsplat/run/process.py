@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 _PATIENCE_S = 10.0  # from an interruption until a process that goes on is killed
@@ -40,19 +41,17 @@ class Child:
 
     def outcome(self) -> tuple[int, str]:
         """Wait for its end, once; return its exit status, below zero of a signal, and what it printed."""
-        process = self._process
-        assert process.stdin is not None
-        assert process.stdout is not None
-        ear = threading.Thread(target=self._listen, daemon=True)
-        ear.start()
-        try:
-            process.stdin.write(self._given)
-            process.stdin.close()
-        except OSError:  # it has ended already
-            pass
-        printed = process.stdout.read()
-        ear.join()
-        return process.wait(), printed.decode(errors="replace")
+        with self._process as process:
+            assert process.stdin is not None
+            assert process.stdout is not None
+            ear = threading.Thread(target=self._listen, daemon=True)
+            ear.start()
+            with suppress(OSError):  # it has ended already
+                process.stdin.write(self._given)
+                process.stdin.close()
+            printed = process.stdout.read()
+            ear.join()
+        return process.returncode, printed.decode(errors="replace")
 
     def _listen(self) -> None:
         for line in self._process.stderr or ():
