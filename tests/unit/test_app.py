@@ -224,7 +224,7 @@ def test_only_this_machine_and_only_our_own_page_are_answered(server):
     ],
 )
 def test_nothing_else_is_handed_out(server, path):
-    assert ask(server, "GET", path) == 404
+    assert ask(server, "GET", path) in (400, 404)
 
 
 @pytest.mark.parametrize("name", ["..%2Fx.csv", "%2E%2E%2F%2E%2E%2Fx.csv", ".profile", "Calib.toml"])

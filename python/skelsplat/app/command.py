@@ -14,8 +14,8 @@ _EPILOG = (
 )
 _OPTIONS = rows(
     """
-    FOLDER  Folder of a recording, or one with such folders. Nothing outside of it is read or written.
-        [optional]
+    FOLDER  Folder of a recording, or one with such folders; without, your home folder. Nothing outside of it
+        is read or written. [optional]
     --port N  Port on 127.0.0.1. [one that is free]
     --no-browser  Only print the address.
     """,
@@ -28,10 +28,8 @@ _OPTIONS = rows(
 def app(*, folder: Path, port: int = 0, browser: bool) -> None:
     """Open a page in the browser that does all of this, for people without a terminal.
 
-    Choose the folder of a recording (videos, keypoints, a calibration or none): the
-    page lists what was found and what is missing, runs detection, calibration and
-    refinement, shows the report and the videos, and hands out the files. Without
-    FOLDER it begins in your home folder.
+    It lists what a folder holds and what is missing, detects, calibrates,
+    refines, shows the report and the videos, and hands out the files.
 
     [bold]Examples[/bold]
 

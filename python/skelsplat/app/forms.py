@@ -9,25 +9,15 @@ from typing import Any
 
 from nicegui import ui
 
-import skelsplat as sk
 from skelsplat.app.parts import head
 from skelsplat.app.recording import OPTIONS, SHARED
 from skelsplat.cli.rows import Option
-from skelsplat.io.poses import POSE_FORMATS
-from skelsplat.run.job import FRAME_MODES
 
 _MAIN = {
     "refine": ("people", "person", "unit", "layout", "fps", "adjust_cameras", "write", "angles", "opensim"),
     "calibrate": ("stature",),
 }
 _FREE = ("layout", "person", "people")  # choices among which another text can be typed
-_CHOICES = {
-    "layout": list(sk.layouts.names),
-    "frames": list(FRAME_MODES),
-    "person": ["consistent", "largest", "moves-most", "0", "1", "2"],
-    "people": ["all", "2", "3", "4"],
-    "write": [kind for kind in POSE_FORMATS if kind != "npz"],
-}
 
 
 class Form:
@@ -40,7 +30,7 @@ class Form:
         cameras: Sequence[str] = (),
     ) -> None:
         self.given, self.change = given, change
-        self.choices = {**_CHOICES, "without": list(cameras)}
+        self.cameras = list(cameras)
 
     def main(self, commands: Sequence[str]) -> None:
         """Show the settings that matter, of some commands."""
@@ -65,7 +55,8 @@ class Form:
     def field(self, command: str, row: Option) -> None:
         """Show a setting with its sentence."""
         value, change = self.given.get(command, {}).get(row.name), partial(self._changed, command, row)
-        choices, several = self.choices.get(row.name) or row.choices, row.many or row.name == "write"
+        choices = self.cameras if row.name == "without" else row.choices
+        several = row.many or row.name == "write"
         with ui.element("div").classes("s-field").props(f'data-setting="{command}.{row.name}"'):
             if row.kind is bool:
                 ui.checkbox(row.title, value=bool(value), on_change=change)

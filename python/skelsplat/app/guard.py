@@ -57,7 +57,7 @@ class Guard:
         is_page = scope["type"] == "http"
         if not self._from_here(scope):
             await self._refuse(is_page, "This page is only for this machine.", receive, send)
-        elif is_page and scope["path"] == "/" and self._is_key(_query(scope).get("key", [""])[0]):
+        elif is_page and scope["path"] == "/" and self._is_key(_given_key(scope)):
             await self._enter(send)
         elif not self._is_key(_cookie(scope, self.cookie)):
             await self._refuse(is_page, _OPEN, receive, send)
@@ -76,30 +76,29 @@ class Guard:
     async def _enter(self, send: Send) -> None:
         """Turn the key in the address into a cookie, so that it is in no history and no link."""
         cookie = f"{self.cookie}={self.key}; Path=/; HttpOnly; SameSite=Strict"
-        headers = [
-            (b"location", b"/"),
-            (b"set-cookie", cookie.encode()),
-            (b"referrer-policy", b"no-referrer"),
-        ]
-        await send({"type": "http.response.start", "status": 303, "headers": headers})
-        await send({"type": "http.response.body", "body": b""})
+        headers = {b"location": b"/", b"set-cookie": cookie.encode()}
+        await _answer(send, 303, headers, "")
 
     async def _refuse(self, is_page: bool, words: str, receive: Receive, send: Send) -> None:
-        if not is_page:
+        if is_page:
+            await _answer(send, 403, {b"content-type": b"text/plain; charset=utf-8"}, words)
+        else:
             await receive()
             await send({"type": "websocket.close", "code": 1008})
-            return
-        headers = [(b"content-type", b"text/plain; charset=utf-8"), *_HEADERS.items()]
-        await send({"type": "http.response.start", "status": 403, "headers": headers})
-        await send({"type": "http.response.body", "body": words.encode()})
+
+
+async def _answer(send: Send, status: int, headers: dict[bytes, bytes], words: str) -> None:
+    pairs = [*headers.items(), *_HEADERS.items()]
+    await send({"type": "http.response.start", "status": status, "headers": pairs})
+    await send({"type": "http.response.body", "body": words.encode()})
 
 
 def _all(scope: Scope, name: bytes) -> list[str]:
     return [value.decode("latin-1") for key, value in scope["headers"] if key.lower() == name]
 
 
-def _query(scope: Scope) -> dict[str, list[str]]:
-    return parse_qs(scope.get("query_string", b"").decode("latin-1"))
+def _given_key(scope: Scope) -> str:
+    return str(parse_qs(scope["query_string"].decode("latin-1")).get("key", [""])[0])
 
 
 def _cookie(scope: Scope, name: str) -> str:

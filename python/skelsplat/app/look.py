@@ -10,9 +10,10 @@ from nicegui import ui
 
 from skelsplat.app.forms import Form
 from skelsplat.app.parts import button, facts, head, html, note, section, shown, table
-from skelsplat.app.recording import OPTIONS, Recording, put
+from skelsplat.app.recording import Recording, put
+from skelsplat.cli.options import option_of
 from skelsplat.cli.rows import Option
-from skelsplat.findings import Finding, Remedy
+from skelsplat.findings import Finding
 from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.run.compared import AnyRun, compared, findings_of, numbers_of
 from skelsplat.run.files import files_of, size_of
@@ -56,12 +57,9 @@ class ResultParts:
 
     def _finding(self, of: str, finding: Finding) -> None:
         """Show a finding, and a button for each of its remedies."""
-        with (
-            note(finding.severity, f"{of[:1].upper()}{of[1:]}{finding.text}"),
-            ui.element("div").classes("s-row"),
-        ):
+        with note(finding.severity, of + finding.text), ui.element("div").classes("s-row"):
             for remedy in finding.remedy:
-                row = next((row for row in OPTIONS["refine"] if row.flag == _flag(remedy)), None)
+                row = option_of(remedy)
                 if row is not None:
                     self._remedy(row, remedy.value)
 
@@ -86,9 +84,8 @@ class ResultParts:
 
         asks = value is None and row.kind is not bool
         words = f"Try: {row.title}{' …' if asks else '' if value in (None, True) else f' {value}'}"
-        action = (
-            ask if asks else lambda: self.press(recording.try_remedy, row, True if value is None else value)
-        )
+        given = True if value is None else value
+        action = ask if asks else lambda: self.press(recording.try_remedy, row, given)
         button(words, action).set_enabled(not recording.running)
 
     def _compare(self, result: AnyRun, before: AnyRun, what: str) -> None:
@@ -107,28 +104,30 @@ class ResultParts:
     def _pictures(self, result: AnyRun) -> None:
         """Show the report, and the videos beside it."""
         folder, version = self.recording.output, str(result.report["run"])
-        video = next(iter((folder / "overlay").glob("grid.mp4")), None)
+        videos = sorted(one.stem for one in (folder / "overlay").glob("*.mp4"))
         has_page = (folder / PAGE).is_file()
-        with ui.element("div").classes("s-look two" if video and has_page else "s-look"):
+        with ui.element("div").classes("s-look two" if videos and has_page else "s-look"):
             if has_page:
                 source = shown(self.address(PAGE, v=version))
                 html(f"<iframe title='Report with the pose in 3D' src='{source}'></iframe>")
-            if video:
-                self._video(result, version)
+            if videos:
+                self._videos(result, videos)
         with ui.element("div").classes("s-row"):
             if has_page:
                 ui.link("Open the report in a tab of its own", self.address(PAGE), new_tab=True)
-            draw = (
-                "Draw the pose on the videos" if self.recording.found.videos else "Draw what each camera sees"
-            )
-            start = button(draw + " again" * bool(video), lambda: self.press(self.recording.start, "overlay"))
+            draw = "Draw it on the videos" if self.recording.found.videos else "Draw what each camera sees"
+            start = button(draw, lambda: self.press(self.recording.start, "overlay"))
             start.set_enabled(not self.recording.running)
 
-    def _video(self, result: AnyRun, version: str) -> None:
-        made, source = result.report["input"], shown(self.address("overlay/grid.mp4", v=version))
+    def _videos(self, result: AnyRun, names: list[str]) -> None:
+        """Show a video, and let choose whose it is; page.js does that, and has the report follow."""
+        made, version = result.report["input"], str(result.report["run"])
         data = f"data-rate='{made.get('frame_rate_hz') or ''}' data-first='{made.get('first_frame', 0)}'"
+        sources = {self.address(f"overlay/{name}.mp4", v=version): name for name in names}
+        choices = (f"<option value='{shown(source)}'>{shown(name)}" for source, name in sources.items())
         with ui.element("div").classes("s-bar"):
-            html(f"<video controls preload=metadata src='{source}' {data}></video>")
+            html(f"<select aria-label='Camera'>{''.join(choices)}</select>")
+            html(f"<video controls preload=metadata src='{shown(next(iter(sources)))}' {data}></video>")
             ui.label(_PAUSED).classes("s-help")
 
     @ui.refreshable_method
@@ -139,9 +138,8 @@ class ResultParts:
         folder, files = self.recording.output, files_of(self.recording.output)
         with section("4 · Files"):
             whole = f"/zip?folder={quote(self.recording.place.relative(folder))}"
-            button("Everything in one zip file", lambda: ui.navigate.to(whole), first=True).classes(
-                "self-start"
-            )
+            save = button("Everything in one zip file", lambda: ui.navigate.to(whole), first=True)
+            save.classes("self-start")
             links = (
                 f"<a href='{shown(self.address(name, download='1'))}' download><b>{shown(name)}</b>"
                 f"<span>{shown(about)}</span><span>{size_of(size)}</span></a>"
@@ -158,7 +156,3 @@ class ResultParts:
         given = self.recording.given["refine"]
         given["write"] = f"{given.get('write', 'csv,trc')},{kind}"
         await self.press(self.recording.start, "refine")
-
-
-def _flag(remedy: Remedy) -> str:
-    return f"--{remedy.setting.replace('_', '-')}"

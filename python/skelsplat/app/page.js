@@ -55,3 +55,10 @@ function follow(video) {
 for (const kind of ["pause", "seeked"]) {
   document.addEventListener(kind, (event) => event.target.matches?.(".s-look video") && follow(event.target), true);
 }
+document.addEventListener("change", (event) => {
+  const video = event.target.matches(".s-bar select") && event.target.closest(".s-bar").querySelector("video");
+  if (!video) return;
+  const time = video.currentTime;
+  video.src = event.target.value;
+  video.addEventListener("loadedmetadata", () => { video.currentTime = time; }, { once: true });
+});

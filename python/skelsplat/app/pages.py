@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Awaitable, Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,9 +25,7 @@ _WHAT = (
     "It has one video per camera, or the keypoints that a detector has found in them, and a calibration if "
     "there is one. An empty folder will do, too: files can be dropped into it."
 )
-_TOGETHER = (
-    "All with the same settings, each with results of its own. What has not changed is not done again."
-)
+_TOGETHER = "All with the same settings, each with its own results. What has not changed is not done again."
 
 
 def add_pages(recordings: Recordings) -> None:
@@ -34,50 +33,46 @@ def add_pages(recordings: Recordings) -> None:
 
     @ui.page("/")
     async def folder_page(at: str = "") -> None:
-        folder = _opened(recordings.place, at)
-        if folder is not None:
-            with ui.element("main").classes("s-main"):
-                await _folder(recordings, folder)
+        await _show(recordings.place, at, partial(_folder, recordings))
 
     @ui.page("/recording")
     async def recording_page(at: str = "") -> None:
-        folder = _opened(recordings.place, at)
-        if folder is not None:
+        async def show(folder: Path) -> None:
             recording = await run.io_bound(recordings.at, folder)
             if recording is not None:  # the server ends
-                with ui.element("main").classes("s-main"):
-                    RecordingPage(recording).show()
+                RecordingPage(recording).show()
+
+        await _show(recordings.place, at, show)
 
 
-def _opened(place: Place, at: str) -> Path | None:
-    """Begin the page of a folder, and return it; None, with the reason on the page, if it is refused."""
+async def _show(place: Place, at: str, show: Callable[[Path], Awaitable[None]]) -> None:
+    """Show the page of a folder, or why it is refused."""
     ui.add_css((_HERE / "page.css").read_text(encoding="utf-8"))
     ui.add_body_html(f"<script>{(_HERE / 'page.js').read_text(encoding='utf-8')}</script>")
     ui.colors(primary="#0a6ea8", positive="#1d7a46", negative="#b3261e", warning="#b4540a")
+    main = ui.element("main").classes("s-main")
     try:
         folder = place.folder(at)
+        with ui.element("header").classes("s-top") as header, ui.element("div"):
+            ui.link("SkelSplat", "/").classes("s-brand")
+            with ui.element("nav").classes("s-crumbs").props('aria-label="Folders"'):
+                for one in reversed([folder, *folder.parents]):
+                    if one.is_relative_to(place.root):
+                        ui.link(one.name or str(one), address("/", place.relative(one)))
+        header.move(target_index=0)
+        with main:
+            html(f"<h1 class='s-title'>{shown(folder.name or folder)}</h1>")
+            await show(folder)
     except SkelSplatError as error:
-        with ui.element("main").classes("s-main"):
+        with main:
             note("error", str(error))
             ui.link("Back to the first folder", "/")
-        return None
-    with ui.element("header").classes("s-top"), ui.element("div"):
-        ui.link("SkelSplat", "/").classes("s-brand")
-        with ui.element("nav").classes("s-crumbs").props('aria-label="Folders"'):
-            for one in [one for one in reversed([folder, *folder.parents]) if one.is_relative_to(place.root)]:
-                ui.link(one.name or str(one), address("/", place.relative(one)))
-    html(f"<h1 class='s-title'>{shown(folder.name or folder)}</h1>").classes("s-title-row")
-    return folder
 
 
 async def _folder(recordings: Recordings, folder: Path) -> None:
     """Show a folder: those in it, which of them hold recordings, and how to refine these together."""
     place = recordings.place
-    try:
-        folders, inside = place.folders(folder), await run.io_bound(recordings.inside, folder)
-    except SkelSplatError as error:
-        note("error", str(error))
-        return
+    folders, inside = place.folders(folder), await run.io_bound(recordings.inside, folder)
     with section("Choose the folder of a recording"):
         ui.label(_WHAT).classes("s-dim")
         here = address("/recording", place.relative(folder))
@@ -88,12 +83,9 @@ async def _folder(recordings: Recordings, folder: Path) -> None:
                 with ui.element("div").classes("s-folder"):
                     page = "/recording" if one in (inside or ()) else "/"
                     ui.link(one.name, address(page, place.relative(one)))
-                    for badge, holds in (
-                        ("recording", page != "/"),
-                        ("has results", is_run(one / output_of(one))),
-                    ):
-                        if holds:
-                            ui.label(badge).classes("s-badge")
+                    badges = {"recording": page != "/", "has results": is_run(one / output_of(one))}
+                    for badge in (name for name, holds in badges.items() if holds):
+                        ui.label(badge).classes("s-badge")
     if len(inside or ()) > 1:
         with section("Several recordings at once"):
             _Together(recordings, folder, inside or []).show()
@@ -156,16 +148,10 @@ class _Together:
             progress(work, work.cancel, self.action.refresh)
             if work.state == DONE:
                 rows = [row for one in work.document["recordings"] for row in one["rows"]]
-                names = ("recording", "frames", "median_error_px")
-                cells = [
-                    [
-                        row[names[0]],
-                        row[names[1]],
-                        row[names[2]] and f"{row[names[2]]:.1f} px",
-                        row["error"] or row["findings"],
-                    ]
-                    for row in rows
-                ]
+                error = [row["median_error_px"] and f"{row['median_error_px']:.1f} px" for row in rows]
+                told = [row["error"] or row["findings"] for row in rows]
+                names = [(row["recording"], row["frames"]) for row in rows]
+                cells = [(*name, *more) for name, *more in zip(names, error, told, strict=True)]
                 table(("Recording", "Frames", "Error", "Findings"), cells)
         start = button("Refine the chosen recordings", self._start, first=True).classes("self-start")
         start.set_enabled(work is None or work.state != "running")

@@ -14,20 +14,12 @@ from skelsplat.cli._app import typed_names
 from skelsplat.cli.process import CANCELLED, FAILED, RUNNING, Work
 
 _EVERY_S = 0.25
-_DOING = {
-    "detect": ("Finding people in the videos", "frames"),
-    "calibrate": ("Finding the cameras", "steps"),
-    "refine": ("Finding the pose in 3D", "frames"),
-    "overlay": ("Drawing", "frames"),
-    "batch": ("Refining the recordings", "recordings"),
-}
 _BETTER = "Cancelled. Earlier files are as they were. Press again to go on or to begin anew."
 
 
-def address(page: str, at: str, **more: str) -> str:
+def address(page: str, at: str) -> str:
     """Return the address of a page about a folder."""
-    query = urlencode({key: value for key, value in {"at": at, **more}.items() if value})
-    return f"{page}?{query}" if query else page
+    return f"{page}?{urlencode({'at': at})}" if at else page
 
 
 def html(text: str) -> ui.html:
@@ -79,16 +71,13 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
         return f"<tr>{''.join(f'<{kind}>{text}</{kind}>' for text in texts)}</tr>"
 
     body = "".join(row(cells, "td") for cells in rows)
-    html(f"<table class='s-table'><thead>{row(heads, 'th')}</thead><tbody>{body}</tbody></table>").classes(
-        "s-wide"
-    )
+    html(f"<table class='s-table'>{row(heads, 'th')}{body}</table>").classes("s-wide")
 
 
 def button(text: str, action: Callable[..., Any], *, first: bool = False) -> ui.button:
     """Show a button; the ``first`` is that which most people press next."""
-    return ui.button(text, on_click=action).props(
-        f"no-caps color=primary {'unelevated' if first else 'outline'}"
-    )
+    made = ui.button(text, on_click=action).props("no-caps color=primary")
+    return made.props("unelevated" if first else "outline")
 
 
 def code(text: str, name: str) -> None:
@@ -100,9 +89,8 @@ def code(text: str, name: str) -> None:
 
     with ui.element("div").classes("s-code"):
         html(f"<pre>{escape(text)}</pre>")
-        ui.button(icon="content_copy", on_click=copy).props(
-            f'flat dense round size=sm aria-label="Copy {name}"'
-        )
+        made = ui.button(icon="content_copy", on_click=copy)
+        made.props(f'flat dense round size=sm aria-label="Copy {name}"')
 
 
 def progress(work: Work, cancel: Callable[[], None], ended: Callable[[], object]) -> None:
@@ -114,9 +102,9 @@ def progress(work: Work, cancel: Callable[[], None], ended: Callable[[], object]
     if work.state != RUNNING:
         return
     with ui.element("div").classes("s-bar"):
-        label = ui.label(_DOING[work.words[0]][0]).props("role=status")
+        label = ui.label(work.words_of_bar).props("role=status")
         bar = ui.linear_progress(value=0.0, show_value=False, size="8px")
-        bar.props(f'rounded indeterminate aria-label="{_DOING[work.words[0]][0]}"')
+        bar.props('rounded indeterminate aria-label="Progress"')
         button("Cancel", cancel).classes("self-start")
 
     def tick() -> None:
@@ -124,24 +112,8 @@ def progress(work: Work, cancel: Callable[[], None], ended: Callable[[], object]
             timer.deactivate()
             ended()
             return
-        label.set_text(_words(work))
+        label.set_text(work.words_of_bar)
         if work.bar is not None and work.bar.share is not None:
             bar.props(remove="indeterminate").set_value(round(work.bar.share, 3))
 
     timer = ui.timer(_EVERY_S, tick)
-
-
-def _words(work: Work) -> str:
-    """Return what is being done, how far it is, and the time left."""
-    (what, unit), bar = _DOING[work.words[0]], work.bar
-    if bar is None or not bar.total:
-        return f"{what} …"
-    name = f", {bar.name}" if work.words[0] in ("detect", "overlay") else ""
-    left = "" if bar.seconds_left is None else f", {_time(bar.seconds_left)} left"
-    return f"{what}{name}: {bar.done or 0} of {bar.total} {unit}{left}"
-
-
-def _time(seconds: float) -> str:
-    """Return a time in words, as exact as it can be foreseen."""
-    minutes = round(seconds / 60)
-    return f"about {max(1, round(seconds))} s" if seconds < 60 else f"about {minutes} min"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from skelsplat._atomic import opening
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.io._files import natural
 
@@ -49,13 +50,8 @@ class Place:
 
     def folders(self, folder: Path) -> list[Path]:
         """Return the folders in a folder here, without hidden ones and those that links lead out to."""
-        try:
+        with opening(folder, "a folder that can be read", "folder"):
             there = [one for one in folder.iterdir() if not one.name.startswith(".") and one.is_dir()]
-        except OSError as error:
-            reason = (error.strerror or "it cannot be read").lower()
-            raise InvalidInputError(
-                f"folder: expected one that can be read, got {folder}: {reason}"
-            ) from error
         inside = [one for one in there if self.root in one.resolve().parents]
         return sorted(inside, key=lambda one: natural(one.name))[:_MOST]
 

@@ -13,25 +13,12 @@ from skelsplat.cli.batch import job_of
 from skelsplat.cli.process import DONE, RUNNING, Work
 from skelsplat.cli.rows import NAME_OR_PATH, Option, texts_in, texts_of, typed
 from skelsplat.exceptions import InvalidInputError, SkelSplatError
-from skelsplat.io._run_files import folders_of_run, is_run
-from skelsplat.run import Job, PeopleRun, Run
-from skelsplat.run.compared import AnyRun
+from skelsplat.run.compared import AnyRun, open_run
 from skelsplat.run.earlier import options_of
 from skelsplat.run.found import Found, look, output_of
 
 _CAMERAS, _PAGE_OF_CAMERAS, _KEYPOINTS = "Calib-from-people.toml", "calibration.html", "pose"
-_OF_FILES = (
-    "calibration",
-    "detections",
-    "output",
-    "videos",
-    "report",
-    "force",
-    "overwrite",
-    "run",
-    "plain",
-    "grid",
-)
+_OF_FILES = {"calibration", "detections", "output", "videos", "run", "report", "force", "overwrite", "plain"}
 OPTIONS: dict[str, tuple[Option, ...]] = {
     command: tuple(row for row in rows if row.name not in _OF_FILES)
     for command, rows in {
@@ -72,7 +59,7 @@ class Recording:
 
     def look(self) -> Recording:
         """Look at the folder anew; the settings of an earlier run there count until others are given."""
-        self.result = _read(self.output)
+        self.result = open_run(self.output)
         if self.result is not None and not self.version and not self.given["refine"]:
             self.given["refine"] = texts_of(OPTIONS["refine"], options_of(self.result.report))
         self.found = look(self.folder, self.given["refine"])
@@ -87,18 +74,17 @@ class Recording:
         for row in OPTIONS[command]:
             if (row.kind is Path or NAME_OR_PATH in row.marks) and given.get(row.name):
                 self.place.inside(given[row.name], self.folder)
-        cameras = (found.detections, "-o", _CAMERAS, "--force", "--report", _PAGE_OF_CAMERAS)
         files = {
             "detect": (found.videos, "-o", _KEYPOINTS),
-            "calibrate": cameras,
+            "calibrate": (found.detections, "-o", _CAMERAS, "--force", "--report", _PAGE_OF_CAMERAS),
             "refine": (found.calibration, found.detections, "-o", out),
-            "overlay": (out, found.videos or "--plain", "--grid"),
+            "overlay": (out, found.videos or "--plain"),
         }
         return [command, *files[command], *typed(OPTIONS[command], given)]
 
-    def job(self) -> Job:
-        """Return the job of the settings, checked as on the command line."""
-        return job_of(self.words("refine")[1:])
+    def python(self) -> str:
+        """Return the lines of Python that refine; settings are checked as on the command line."""
+        return job_of(self.words("refine")[1:]).python
 
     def lines(self) -> str:
         """Return the commands that were done, and that which refines, as they are typed."""
@@ -155,13 +141,3 @@ def put(given: dict[str, Any], name: str, value: Any) -> None:
         given.pop(name, None)
     else:
         given[name] = value
-
-
-def _read(folder: Path) -> AnyRun | None:
-    """Return the run in a folder; None if there is none that is whole."""
-    if not is_run(folder):
-        return None
-    try:
-        return PeopleRun.open(folder) if folders_of_run(folder) else Run.open(folder)
-    except (SkelSplatError, OSError):
-        return None

@@ -29,13 +29,8 @@ _REMEDIES = {
     "detect": ("Find people in the videos", ("mediapipe", "rtmlib"), "mediapipe"),
     "calibrate": ("Find the cameras from the people", ("cv2",), "video"),
 }
-_READ_WITH = (
-    "unit",
-    "layout",
-    "fps",
-    "calibration",
-    "detections",
-)  # settings on which it depends what is found
+# Settings on which it depends what is found.
+_READ_WITH = {"unit", "layout", "fps", "calibration", "detections"}
 
 
 class RecordingPage:
@@ -165,12 +160,10 @@ class RecordingPage:
         if recording.found.empty:
             return
         with section("Without this page"):
-            ui.label("What was done, and what the button does, on the command line and in Python:").classes(
-                "s-dim"
-            )
+            ui.label("What was done, and what the button does, as commands and in Python:").classes("s-dim")
             code(recording.lines(), name="the commands")
             if recording.found.ready:
                 try:
-                    code(recording.job().python, name="the Python lines")
+                    code(recording.python(), name="the Python lines")
                 except SkelSplatError as error:
                     note("error", str(error))

@@ -48,12 +48,8 @@ class Recordings:
                 raise InvalidInputError(f"{one.folder.name}: {lacks[0]}")
         file, _ = self.place.inside(SESSIONS, folder), self.place.inside(RESULTS, folder)
         files = {
-            one.folder.relative_to(folder).as_posix(): (
-                one.calibration,
-                one.detections,
-                output_of(one.folder),
-            )
-            for one in found
+            path.relative_to(folder).as_posix(): (one.calibration, one.detections, output_of(path))
+            for path, one in zip(chosen, found, strict=True)
         }
         atomic_write_text(file, sessions_of(files, given))
         work = Work(["batch", SESSIONS, "-o", RESULTS], folder, lambda _: self._look(chosen))

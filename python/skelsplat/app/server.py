@@ -11,7 +11,7 @@ from urllib.parse import quote
 
 import uvicorn
 from fastapi import FastAPI, HTTPException, Request
-from fastapi.responses import FileResponse, Response, StreamingResponse
+from fastapi.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from nicegui import ui
 
 from skelsplat._atomic import atomic_path
@@ -55,16 +55,11 @@ def listening(port: int) -> socket.socket:
 def _app(recordings: Recordings) -> FastAPI:
     """Return the application: pages, and files in and out."""
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    for kind in (SkelSplatError, OSError):
+        app.add_exception_handler(kind, lambda _, error: JSONResponse({"detail": str(error)}, 400))
     _add_files(app, recordings.place)
     pages.add_pages(recordings)
-    ui.run_with(
-        app,
-        title="SkelSplat",
-        favicon="🦴",
-        dark=None,
-        language="en-US",
-        show_welcome_message=False,
-    )
+    ui.run_with(app, title="SkelSplat", favicon="🦴", dark=None, language="en-US")
     return app
 
 
@@ -73,19 +68,18 @@ def _add_files(app: FastAPI, place: Place) -> None:
 
     @app.get("/run/{path:path}")
     def take(path: str, folder: str = "", download: bool = False) -> Response:
-        run = _inside(place, folder)
-        file = _inside(place, path, run)
+        run = place.inside(folder)
+        file = place.inside(path, run)
         if not is_run(run) or path not in [name for name, *_ in files_of(run)]:
             raise HTTPException(404, "There is no such file of a run.")
         kind = mimetypes.guess_type(file.name)[0] or "application/octet-stream"
         name = file.name if download else None
-        return FileResponse(
-            file, media_type=kind, filename=name, headers=_ALONE | {"cache-control": "no-store"}
-        )
+        headers = _ALONE | {"cache-control": "no-store"}
+        return FileResponse(file, media_type=kind, filename=name, headers=headers)
 
     @app.get("/zip")
     def take_all(folder: str = "") -> Response:
-        run = _inside(place, folder)
+        run = place.inside(folder)
         if not is_run(run):
             raise HTTPException(404, "There is no run in this folder.")
         name = quote(f"{run.parent.name if run.name == 'out' else run.name}.zip")
@@ -94,21 +88,11 @@ def _add_files(app: FastAPI, place: Place) -> None:
 
     @app.put("/bring")
     async def bring(request: Request, folder: str = "", name: str = "") -> Any:
-        try:
-            file = place.file_to_write(place.inside(folder), name)
-            if file.exists():
-                raise HTTPException(409, f"{name} is there already; it was left as it is.")
-            file.parent.mkdir(parents=True, exist_ok=True)
-            with atomic_path(file) as part, part.open("wb") as stream:
-                async for piece in request.stream():
-                    stream.write(piece)
-        except (SkelSplatError, OSError) as error:
-            raise HTTPException(400, str(error)) from error
+        file = place.file_to_write(place.inside(folder), name)
+        if file.exists():
+            raise HTTPException(409, f"{name} is there already; it was left as it is.")
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_path(file) as part, part.open("wb") as stream:
+            async for piece in request.stream():
+                stream.write(piece)
         return {"name": name}
-
-
-def _inside(place: Place, path: str, base: Path | None = None) -> Path:
-    try:
-        return place.inside(path, base)
-    except SkelSplatError as error:
-        raise HTTPException(404, str(error)) from error

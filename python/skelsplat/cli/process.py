@@ -24,6 +24,16 @@ _EVERY_S = 0.1
 _JUDGED_BY_FILES = ("refine", "batch")  # whose errors may be findings, with results to be looked at
 
 
+_BY_CAMERA = ("detect", "overlay")
+_DOING = {
+    "detect": ("Finding people in the videos", "frames"),
+    "calibrate": ("Finding the cameras", "steps"),
+    "refine": ("Finding the pose in 3D", "frames"),
+    "overlay": ("Drawing", "frames"),
+    "batch": ("Refining the recordings", "recordings"),
+}
+
+
 @dataclass(frozen=True)
 class Bar:
     """How far a command is with what it does at present."""
@@ -70,6 +80,16 @@ class Work:
         last = (errors or self.messages or [f"{self.command} ended without a word"])[-1]
         return last.partition(" (see skelsplat ")[0]
 
+    @property
+    def words_of_bar(self) -> str:
+        """What it does, how far it is, and the time left."""
+        (what, unit), bar = _DOING[self.words[0]], self.bar
+        if bar is None or not bar.total:
+            return f"{what} …"
+        name = f", {bar.name}" if self.words[0] in _BY_CAMERA else ""
+        left = "" if bar.seconds_left is None else f", {_time(bar.seconds_left)} left"
+        return f"{what}{name}: {bar.done or 0} of {bar.total} {unit}{left}"
+
     def start(self) -> Work:
         """Start the process."""
         self._child = Child(_PROGRAM, *self.words, "--json", folder=self.folder, hear=self._hear)
@@ -105,6 +125,12 @@ class Work:
         name, done, total = json.loads(line[len(_BAR) :])
         same = self.bar is not None and self.bar.name == name
         self.bar = Bar(name, done, total, self.bar.since if self.bar and same else time.monotonic())
+
+
+def _time(seconds: float) -> str:
+    """Return a time in words, as exact as it can be foreseen."""
+    minutes = round(seconds / 60)
+    return f"about {max(1, round(seconds))} s" if seconds < 60 else f"about {minutes} min"
 
 
 def _do() -> None:

@@ -36,6 +36,7 @@ class Option:
     read: Callable[[str, Any], Any] | None = None  # from the option and its value, what the package gets
     marks: tuple[Any, ...] = ()  # `NAME_OR_PATH`
     limits: Mapping[str, float] = field(default_factory=dict)  # ``min`` and ``max``
+    offers: tuple[str, ...] = ()  # usual values
     common: bool = False  # shown in a short help
 
     @property
@@ -56,8 +57,10 @@ class Option:
 
     @property
     def choices(self) -> list[str]:
-        """The values that the metavar names, if it does."""
-        return self.metavar.split("|") if re.fullmatch(_ALTERNATIVES, self.metavar) else []
+        """Values to choose from, if they are few: all, or the usual ones."""
+        return [*self.offers] or (
+            self.metavar.split("|") if re.fullmatch(_ALTERNATIVES, self.metavar) else []
+        )
 
     @property
     def parameter(self) -> inspect.Parameter:

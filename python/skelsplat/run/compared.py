@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TypeAlias
 
+from skelsplat.exceptions import SkelSplatError
 from skelsplat.findings import Finding
+from skelsplat.io._run_files import folders_of_run, is_run
 from skelsplat.run import tables
 from skelsplat.run._run import PeopleRun, Run
 
 AnyRun: TypeAlias = "Run | PeopleRun"
+
+
+def open_run(folder: Path) -> AnyRun | None:
+    """Return the run in a folder; None if there is none that is whole."""
+    if not is_run(folder):
+        return None
+    try:
+        return PeopleRun.open(folder) if folders_of_run(folder) else Run.open(folder)
+    except (SkelSplatError, OSError):
+        return None
 
 
 def findings_of(run: AnyRun) -> list[tuple[str, Finding]]:
