@@ -9,7 +9,7 @@ import pytest
 from skelsplat.io import sample
 from skelsplat.run.found import holds_recording, look, output_of
 
-GIVEN = {"unit": "m", "layout": "body25b", "fps": "60"}
+GIVEN = {"unit": "m", "layout": "body25b", "fps": 60.0}
 
 
 @pytest.fixture
@@ -42,17 +42,18 @@ def test_what_files_do_not_state_is_asked_for_with_values(folder):
 def test_without_a_calibration_cameras_can_be_found(folder):
     (folder / "Calib.toml").unlink()
     found = look(folder, GIVEN)
-    assert lacks(found) == [("calibrate", False)]
+    assert lacks(found) == [("image_size", False), ("calibrate", False)]
+    assert lacks(look(folder, {**GIVEN, "image_size": "1088x1920"})) == [("calibrate", False)]
     assert not found.ready
 
 
 def test_a_broken_calibration_is_named_in_one_line(folder):
     (folder / "Calib.toml").write_text("[cam_01]\nmatrix = [[1, 2", encoding="utf-8")
     found = look(folder, GIVEN)
-    text = found.lacks[0].text
+    text = next(lack.text for lack in found.lacks if not lack.setting)
     assert text.startswith("Calib.toml: ")
     assert "\n" not in text
-    assert found.lacks[1].command == "calibrate"
+    assert found.lacks[-1].command == "calibrate"
 
 
 def test_keypoints_that_do_not_fit_the_cameras_are_an_error_in_one_line(folder):

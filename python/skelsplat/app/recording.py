@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -62,7 +63,7 @@ class Recording:
         self.result = open_run(self.output)
         if self.result is not None and not self.version and not self.given["refine"]:
             self.given["refine"] = texts_of(OPTIONS["refine"], options_of(self.result.report))
-        self.found = look(self.folder, self.given["refine"])
+        self.found = look(self.folder, read_with(self.given))
         self.version += 1
         return self
 
@@ -133,6 +134,14 @@ class Recording:
         if self.before is not None:
             self.given["refine"], self.before = self.before[2], None
             self.start("refine")
+
+
+def read_with(given: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Return how files are read with settings, as `look` takes it; `InvalidInputError` if one is wrong."""
+    texts = given["refine"]
+    job = job_of([".", ".", "-o", ".", *typed(OPTIONS["refine"], texts)])
+    chosen = {name: texts.get(name) for name in ("calibration", "detections")}
+    return {**vars(job), **chosen, "image_size": given.get("calibrate", {}).get("size")}
 
 
 def put(given: dict[str, Any], name: str, value: Any) -> None:

@@ -13,7 +13,7 @@ from skelsplat._optional import pip_line
 from skelsplat.app.forms import Form
 from skelsplat.app.look import ResultParts
 from skelsplat.app.parts import button, code, facts, html, note, progress, section, table
-from skelsplat.app.recording import Recording, put
+from skelsplat.app.recording import OPTIONS, Recording, put
 from skelsplat.exceptions import SkelSplatError
 from skelsplat.run.found import Lack
 
@@ -30,7 +30,7 @@ _REMEDIES = {
     "calibrate": ("Find the cameras from the people", ("cv2",), "video"),
 }
 # Settings on which it depends what is found.
-_READ_WITH = {"unit", "layout", "fps", "calibration", "detections"}
+_READ_WITH = {row.name for row in OPTIONS["refine"] if row.panel in ("Calibration", "Input")} | {"fps"}
 
 
 class RecordingPage:
@@ -87,8 +87,9 @@ class RecordingPage:
             self.words.refresh()
 
     async def choose(self, setting: str, value: str) -> None:
-        """Take over a setting of refine from beside the form."""
-        put(self.recording.given["refine"], setting, value)
+        """Take over a setting from beside the form."""
+        command, name = ("calibrate", "size") if setting == "image_size" else ("refine", setting)
+        put(self.recording.given[command], name, value)
         await self.press(self.recording.look)
 
     @ui.refreshable_method

@@ -8,7 +8,7 @@ from typing import Any
 
 from skelsplat._atomic import atomic_write_text
 from skelsplat.app.places import Place
-from skelsplat.app.recording import Recording
+from skelsplat.app.recording import Recording, read_with
 from skelsplat.cli.batch import sessions_of
 from skelsplat.cli.process import RUNNING, Work
 from skelsplat.exceptions import InvalidInputError
@@ -41,7 +41,7 @@ class Recordings:
         if folder in self.batches and self.batches[folder].state == RUNNING:
             raise InvalidInputError("batch: expected one at a time, got a second one")
         given = self.given.get(folder, {})
-        found = [look(one, given) for one in chosen]
+        found = [look(one, read_with({"refine": given})) for one in chosen]
         for one in found:
             if not one.ready:
                 lacks = [lack.text for lack in one.lacks] or ["it holds no recording"]

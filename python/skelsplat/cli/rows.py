@@ -106,11 +106,11 @@ def texts_of(rows: Sequence[Option], given: Mapping[str, Any]) -> dict[str, Any]
         value = given.get(row.name)
         if isinstance(value, Mapping):
             value = [f"{key}={'none' if one is None else one}" for key, one in value.items()]
+        several = value if isinstance(value, list | tuple) else [value]
+        texts = [f"{one:g}" if isinstance(one, float) else str(one) for one in several]
         if value is True:
             found[row.name] = True
-        elif value not in (None, False):
-            several = value if isinstance(value, list | tuple) else [value]
-            texts = [f"{one:g}" if isinstance(one, float) else str(one) for one in several]
+        elif value not in (None, False) and texts != [row.default]:
             found[row.name] = texts if row.many else ",".join(texts)
     return found
 

@@ -20,6 +20,7 @@ def options_of(report: Mapping[str, Any]) -> dict[str, Any]:
     found["fps"] = made.get("frame_rate_hz")
     if "people" in report:
         found |= {"people": made["people"], "person": None}
-    names = [name.partition(".")[2] for name in report["files"] if name.startswith(("pose.", "people."))]
+    # files of several people are listed by the report of each
+    names = [name.partition(".")[2] for name in report["files"] if name.startswith("pose.")]
     found["write"] = tuple(kind for kind in names if kind in POSE_FORMATS and kind != "npz")
     return {name: value for name, value in found.items() if value not in (None, "", False, (), {})}

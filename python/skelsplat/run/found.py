@@ -22,14 +22,21 @@ from skelsplat.io.calibration import read_calibration
 from skelsplat.io.detections import open_detections, sights
 from skelsplat.io.detections._registry import folders_beneath, recognised
 from skelsplat.io.video import FrameSource, open_source, videos_of
+from skelsplat.run.read import read_rig
 
 _LOOKED_AT = 200  # files of a folder
 _SAMPLED = 12  # frames in which people are counted
 _CALIBRATIONS = (".toml", ".json", ".xml", ".txt", ".xcp", ".yml", ".yaml", ".npz", ".pickle", ".pkl", ".h5")
+_OF_RIG = ("calibration_format", "unit", "camera_type", "subject", "size", "binning", "without")
+_OF_DETECTIONS = ("layout", "offsets", "order", "without", "mapping")
 _RATES = ("25", "30", "50", "60", "100")
 _NO_RATE = (
     "The frame rate is not known. With it, all frames are solved together: joints move smoothly, and "
     "people can be followed. Choose it, or type another below:"
+)
+_SIZES = ("1920x1080", "1080x1920", "1280x720", "3840x2160")
+_NO_SIZE = (
+    "The size of the images is not known, which finding the cameras takes. Choose it, or type another below:"
 )
 _BY_COMMANDS = ("overlay", "plots", "opensim")
 
@@ -124,7 +131,12 @@ def output_of(folder: Path) -> str:
 
 
 def look(folder: Path, given: Mapping[str, Any]) -> Found:
-    """Return what a folder holds, read with the settings ``given``, of those of ``skelsplat refine``."""
+    """Return what a folder holds.
+
+    ``given`` has fields of `skelsplat.run.Job` by which files are read. Its ``calibration`` and
+    ``detections`` choose among several, by their paths from the folder; ``image_size`` is that of all images
+    where files do not state it.
+    """
     with collected_warnings():
         return _look(folder, given)
 
@@ -141,7 +153,12 @@ def _look(folder: Path, given: Mapping[str, Any]) -> Found:
     if sources:
         cameras = cameras or tuple(Camera(name) for name in sources)
         cameras = tuple(_with_source(one, sources.get(one.name)) for one in cameras)
-    lacks = [*broken, *lack, *more, *_missing(calibration, detections, videos, bool(broken))]
+    unknown = not given.get("image_size") and any(one.size is None for one in cameras)
+    if detections and not calibration and unknown:
+        lacks = [Lack(_NO_SIZE, setting="image_size", values={size: size for size in _SIZES})]
+    else:
+        lacks = []
+    lacks += [*broken, *lack, *more, *_missing(calibration, detections, videos, bool(broken))]
     if not given.get("fps") and detections and not any(one.fps for one in cameras):
         lacks.append(
             Lack(
@@ -159,7 +176,7 @@ def _look(folder: Path, given: Mapping[str, Any]) -> Found:
         layout,
         "" if rig is None else rig.unit,
         tuple(lacks),
-        given.get("fps") or "",
+        f"{given['fps']:g}" if given.get("fps") else "",
     )
 
 
@@ -239,11 +256,11 @@ def _rig(folder: Path, calibration: str, given: Mapping[str, Any]) -> tuple[sk.C
     """Return the cameras of a calibration, or what is missing to read it."""
     if not calibration:
         return None, []
-    unit = given.get("unit") or None
+    options = {name: given[name] for name in _OF_RIG if given.get(name)}
     try:
-        return read_calibration(folder / calibration, unit=unit), []
+        return read_rig(folder / calibration, **options), []
     except (SkelSplatError, OSError) as error:
-        if isinstance(error, InvalidInputError) and error.argument == "unit" and unit is None:
+        if isinstance(error, InvalidInputError) and error.argument == "unit" and not given.get("unit"):
             words = f"{calibration} does not state its unit of length. Choose the one that fits your room:"
             return None, [Lack(words, setting="unit", values=dict(_units(folder / calibration)))]
         return None, [Lack(_line(error, folder))]
@@ -265,14 +282,15 @@ def _sight(
     if not detections:
         return cameras, "", []
     try:
-        views = sights(folder / detections)
+        named = {name: given[name] for name in ("format", "sequence") if given.get(name)}
+        views = sights(folder / detections, **named)
         cameras = tuple(
             Camera(name, len(view.frames), view.rate, view.size, _people(view))
             for name, view in views.items()
         )
         names = list(views) if rig is None else rig
-        layout = given.get("layout") or None
-        opened = open_detections(folder / detections, names, layout=layout, frames="union")
+        options = {name: given[name] for name in _OF_DETECTIONS if given.get(name)}
+        opened = open_detections(folder / detections, names, frames="union", **named, **options)
     except (SkelSplatError, OSError) as error:
         if isinstance(error, InvalidInputError) and error.argument == "layout" and cameras:
             joints = next((joints for joints in map(_joints, views.values()) if joints), 0)

@@ -135,11 +135,13 @@ def camera_labels(
     return _by_name(there)
 
 
-def sights(path: str | os.PathLike[str]) -> dict[str, View]:
+def sights(
+    path: str | os.PathLike[str], *, format: str | None = None, sequence: str | None = None
+) -> dict[str, View]:
     """Return what each camera saw that detections name, whether or not a layout and frames fit."""
     root = Path(path)
     with within_memory(root):
-        there, read = offered(root, find_format(root, None), None)
+        there, read = offered(root, find_format(root, format), sequence)
         return dict(read(_by_name(there)))
 
 
