@@ -21,6 +21,7 @@ CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", 
 in_browser = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
 FLAGS = "--no-sandbox --disable-gpu --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader"
 PATIENCE_MS = 60_000
+LISTENS = "window.socket && window.socket.connected"
 NARROW = "document.scrollingElement.scrollWidth <= 390"
 
 
@@ -83,12 +84,20 @@ def visit(context, server):
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.on("request", lambda asked: own.match(asked.url) or complaints.append(asked.url))
         page.goto(f"http://127.0.0.1:{server.port}{path}")
+        page.wait_for_function(LISTENS)
         return page
 
     yield open_page
     for page in pages:
         page.close()
     assert complaints == []
+
+
+def enter(page):
+    """Follow the link that has the keyboard to the page of a recording, until it listens."""
+    page.keyboard.press("Enter")
+    page.get_by_role("heading", name="2 · Pose in 3D").wait_for()
+    page.wait_for_function(LISTENS)
 
 
 def press(page, name):
@@ -106,7 +115,8 @@ def settle(page, layout="h36m17", fps="50 per second"):
 @in_browser
 def test_from_keypoints_to_files_then_again_while_another_recording_is_cancelled(visit, root):
     page = visit()
-    page.get_by_role("link", name="walk", exact=True).click()
+    page.get_by_role("link", name="walk", exact=True).focus()
+    enter(page)
     settle(page)
     press(page, "Find the pose")
     page.get_by_role("heading", name="3 · Result").wait_for()
@@ -156,8 +166,7 @@ def test_what_is_wrong_is_said_in_one_line_with_what_to_do(visit):
 def test_without_a_mouse(visit):
     page = visit()
     page.get_by_role("link", name="third", exact=True).focus()
-    page.keyboard.press("Enter")
-    page.get_by_role("heading", name="2 · Pose in 3D").wait_for()
+    enter(page)
     for _ in range(60):
         page.keyboard.press("Tab")
         if "Find the pose" in page.evaluate("document.activeElement.innerText || ''"):

@@ -13,7 +13,7 @@ def place(tmp_path):
     for name in ("root/walk", "root/.hidden", "outside"):
         (tmp_path / name).mkdir(parents=True)
     (tmp_path / "root/way-out").symlink_to(tmp_path / "outside", target_is_directory=True)
-    return Place.of(tmp_path / "root")
+    return Place((tmp_path / "root").resolve())
 
 
 @pytest.mark.parametrize(

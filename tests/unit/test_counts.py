@@ -9,15 +9,15 @@ import counts
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 37_218,
-    "cli": 3_400,
+    "package": 39_307,
+    "cli": 3_661,
     "core": 19_358,
     "binding": 2_750,
     "Rust tests": 6_257,
-    "Python tests": 28_234,
+    "Python tests": 28_840,
     "benchmarks and tools": 4_511,
-    "docs, words": 41_928,
-    "README, words": 1_435,
+    "docs, words": 42_534,
+    "README, words": 1_462,
 }
 
 

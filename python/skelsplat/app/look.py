@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
 from typing import Any
-from urllib.parse import quote
 
 from nicegui import ui
 
 from skelsplat.app.forms import Form
-from skelsplat.app.parts import button, facts, head, html, note, section, shown, table
+from skelsplat.app.parts import address, button, facts, head, html, note, section, shown, table
 from skelsplat.app.recording import Recording, put
 from skelsplat.cli.options import option_of
 from skelsplat.cli.rows import Option
@@ -33,8 +32,7 @@ class ResultParts:
     def address(self, name: str, **more: str) -> str:
         """Return the address of a file of the run."""
         folder = self.recording.place.relative(self.recording.output)
-        given = {"folder": folder, **more}
-        return f"/run/{quote(name)}?" + "&".join(f"{key}={quote(value)}" for key, value in given.items())
+        return address(f"/run/{name}", folder=folder, **more)
 
     @ui.refreshable_method
     def look(self) -> None:
@@ -137,7 +135,7 @@ class ResultParts:
             return
         folder, files = self.recording.output, files_of(self.recording.output)
         with section("4 · Files"):
-            whole = f"/zip?folder={quote(self.recording.place.relative(folder))}"
+            whole = address("/zip", folder=self.recording.place.relative(folder))
             save = button("Everything in one zip file", lambda: ui.navigate.to(whole), first=True)
             save.classes("self-start")
             links = (

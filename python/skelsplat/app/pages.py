@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from nicegui import run, ui
 
 from skelsplat.app.forms import Form
-from skelsplat.app.parts import address, button, html, note, progress, section, shown, table
+from skelsplat.app.parts import address, attempt, button, html, note, progress, section, shown, table
 from skelsplat.app.places import Place
 from skelsplat.app.recording import put
 from skelsplat.app.recording_page import RecordingPage
@@ -18,7 +17,7 @@ from skelsplat.app.recordings import Recordings
 from skelsplat.cli.process import DONE
 from skelsplat.exceptions import SkelSplatError
 from skelsplat.io._run_files import is_run
-from skelsplat.run.found import output_of
+from skelsplat.run.found import holds_recording, output_of
 
 _HERE = Path(__file__).parent
 _WHAT = (
@@ -58,7 +57,7 @@ async def _show(place: Place, at: str, show: Callable[[Path], Awaitable[None]]) 
             with ui.element("nav").classes("s-crumbs").props('aria-label="Folders"'):
                 for one in reversed([folder, *folder.parents]):
                     if one.is_relative_to(place.root):
-                        ui.link(one.name or str(one), address("/", place.relative(one)))
+                        ui.link(one.name or str(one), address("/", at=place.relative(one)))
         header.move(target_index=0)
         with main:
             html(f"<h1 class='s-title'>{shown(folder.name or folder)}</h1>")
@@ -72,17 +71,18 @@ async def _show(place: Place, at: str, show: Callable[[Path], Awaitable[None]]) 
 async def _folder(recordings: Recordings, folder: Path) -> None:
     """Show a folder: those in it, which of them hold recordings, and how to refine these together."""
     place = recordings.place
-    folders, inside = place.folders(folder), await run.io_bound(recordings.inside, folder)
+    folders = place.folders(folder)
+    inside = await run.io_bound(lambda: [*filter(holds_recording, folders)])
     with section("Choose the folder of a recording"):
         ui.label(_WHAT).classes("s-dim")
-        here = address("/recording", place.relative(folder))
+        here = address("/recording", at=place.relative(folder))
         button("Use this folder", lambda: ui.navigate.to(here), first=True).classes("self-start")
         _typed(place, folder)
         with ui.element("div").classes("s-folders"):
             for one in folders:
                 with ui.element("div").classes("s-folder"):
                     page = "/recording" if one in (inside or ()) else "/"
-                    ui.link(one.name, address(page, place.relative(one)))
+                    ui.link(one.name, address(page, at=place.relative(one)))
                     badges = {"recording": page != "/", "has results": is_run(one / output_of(one))}
                     for badge in (name for name, holds in badges.items() if holds):
                         ui.label(badge).classes("s-badge")
@@ -96,7 +96,7 @@ def _typed(place: Place, folder: Path) -> None:
 
     def go() -> None:
         try:
-            ui.navigate.to(address("/", place.relative(place.folder(path.value or "", folder))))
+            ui.navigate.to(address("/", at=place.relative(place.folder(path.value or "", folder))))
         except SkelSplatError as error:
             path.props(remove="error").validate()
             path.error = str(error)
@@ -118,7 +118,11 @@ class _Together:
         ui.label(_TOGETHER).classes("s-dim")
         with ui.element("div").classes("s-row"):
             for one in self.chosen:
-                ui.checkbox(one.name, value=True, on_change=partial(self._choose, one))
+                ui.checkbox(
+                    one.name,
+                    value=True,
+                    on_change=lambda event, one=one: self.chosen.update({one: event.value}),
+                )
         given = self.recordings.given.setdefault(self.folder, {})
         with ui.expansion("Settings").classes("w-full"):
             form = Form({"refine": given}, lambda _, name, value: put(given, name, value))
@@ -126,16 +130,9 @@ class _Together:
             form.more(["refine"])
         self.action()
 
-    def _choose(self, folder: Path, event: Any) -> None:
-        self.chosen[folder] = bool(event.value)
-
     async def _start(self) -> None:
-        self.problem = ""
-        try:
-            chosen = [one for one, on in self.chosen.items() if on]
-            await run.io_bound(self.recordings.batch, self.folder, chosen)
-        except (SkelSplatError, OSError) as error:
-            self.problem = str(error)
+        chosen = [one for one, on in self.chosen.items() if on]
+        self.problem = await attempt(self.recordings.batch, self.folder, chosen)
         self.action.refresh()
 
     @ui.refreshable_method

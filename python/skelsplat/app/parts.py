@@ -5,21 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from typing import Any
-from urllib.parse import urlencode
+from urllib.parse import quote, urlencode
 
-from nicegui import ui
+from nicegui import run, ui
 
 from skelsplat._escape import escaped
 from skelsplat.cli._app import typed_names
 from skelsplat.cli.process import CANCELLED, FAILED, RUNNING, Work
+from skelsplat.exceptions import SkelSplatError
 
 _EVERY_S = 0.25
 _BETTER = "Cancelled. Earlier files are as they were. Press again to go on or to begin anew."
 
 
-def address(page: str, at: str) -> str:
-    """Return the address of a page about a folder."""
-    return f"{page}?{urlencode({'at': at})}" if at else page
+def address(page: str, **query: str) -> str:
+    """Return the address of a page, or a file, about a folder."""
+    return f"{quote(page)}?{urlencode(query)}"
 
 
 def html(text: str) -> ui.html:
@@ -91,6 +92,15 @@ def code(text: str, name: str) -> None:
         html(f"<pre>{escape(text)}</pre>")
         made = ui.button(icon="content_copy", on_click=copy)
         made.props(f'flat dense round size=sm aria-label="Copy {name}"')
+
+
+async def attempt(action: Callable[..., object], *given: object) -> str:
+    """Do what a button is for, and return what was wrong, if anything was."""
+    try:
+        await run.io_bound(action, *given)
+    except (SkelSplatError, OSError) as error:
+        return str(error)
+    return ""
 
 
 def progress(work: Work, cancel: Callable[[], None], ended: Callable[[], object]) -> None:

@@ -14,16 +14,9 @@ _MOST = 500  # folders that are listed
 
 @dataclass(frozen=True)
 class Place:
-    """The folder that the page was opened with."""
+    """The folder that the page was opened with, with links followed."""
 
     root: Path
-
-    @classmethod
-    def of(cls, folder: Path) -> Place:
-        """Return the place of a folder that exists."""
-        if not folder.is_dir():
-            raise InvalidInputError(f"FOLDER: expected a folder that exists, got {folder}")
-        return cls(folder.resolve())
 
     def inside(self, path: str | Path, base: Path | None = None) -> Path:
         """Return a path from a folder here, with links followed; `InvalidInputError` if it is outside."""
@@ -40,7 +33,7 @@ class Place:
         """Return a folder here that exists."""
         found = self.inside(path, base)
         if not found.is_dir():
-            raise InvalidInputError(f"folder: expected one that exists, got {path}")
+            raise InvalidInputError(f"folder: expected one that exists, got {found}")
         return found
 
     def relative(self, path: Path) -> str:

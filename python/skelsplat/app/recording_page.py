@@ -7,12 +7,12 @@ from html import escape
 from importlib.util import find_spec
 from typing import Any
 
-from nicegui import run, ui
+from nicegui import ui
 
 from skelsplat._optional import pip_line
 from skelsplat.app.forms import Form
 from skelsplat.app.look import ResultParts
-from skelsplat.app.parts import button, code, facts, html, note, progress, section, table
+from skelsplat.app.parts import attempt, button, code, facts, html, note, progress, section, table
 from skelsplat.app.recording import OPTIONS, Recording, put
 from skelsplat.exceptions import SkelSplatError
 from skelsplat.run.found import Lack
@@ -70,11 +70,7 @@ class RecordingPage:
 
     async def press(self, action: Callable[..., Any], *given: Any) -> None:
         """Do what a button is for; what is wrong is shown above the button that starts."""
-        self.problem = ""
-        try:
-            await run.io_bound(action, *given)
-        except (SkelSplatError, OSError) as error:
-            self.problem = str(error)
+        self.problem = await attempt(action, *given)
         self.refresh()
 
     async def set(self, command: str, name: str, value: Any) -> None:

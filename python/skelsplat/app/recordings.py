@@ -12,7 +12,7 @@ from skelsplat.app.recording import Recording, read_with
 from skelsplat.cli.batch import sessions_of
 from skelsplat.cli.process import RUNNING, Work
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.run.found import holds_recording, look, output_of
+from skelsplat.run.found import look, output_of
 
 SESSIONS, RESULTS = "skelsplat-sessions.toml", "batch"
 
@@ -31,10 +31,6 @@ class Recordings:
         if folder not in self.open:
             self.open[folder] = Recording(self.place, folder).look()
         return self.open[folder]
-
-    def inside(self, folder: Path) -> list[Path]:
-        """Return the folders in a folder that hold recordings."""
-        return [one for one in self.place.folders(folder) if holds_recording(one)]
 
     def batch(self, folder: Path, chosen: Sequence[Path]) -> None:
         """Refine several recordings in a folder, each into a folder of its own."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mimetypes
 import socket
 import webbrowser
 from pathlib import Path
@@ -29,8 +28,9 @@ _ALONE = {"content-security-policy": "sandbox allow-scripts allow-downloads; fra
 
 def serve(folder: Path, port: int = 0, *, browser: bool = True) -> None:
     """Serve the page about a folder until Ctrl-C; print its address and open it."""
-    place = Place.of(folder)
-    with listening(port) as listener:
+    place = Place(folder.resolve())
+    place.folder("")
+    with socket.create_server((HOST, port)) as listener:
         recordings = Recordings(place)
         guard = Guard(_app(recordings), listener.getsockname()[1])
         print(f"SkelSplat is open at {guard.address}", flush=True)
@@ -42,14 +42,6 @@ def serve(folder: Path, port: int = 0, *, browser: bool = True) -> None:
             uvicorn.Server(settings).run(sockets=[listener])
         finally:
             recordings.cancel()
-
-
-def listening(port: int) -> socket.socket:
-    """Return a socket that listens on a port of 127.0.0.1; 0 is one that is free."""
-    try:
-        return socket.create_server((HOST, port))
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, f"{HOST}:{port}") from error
 
 
 def _app(recordings: Recordings) -> FastAPI:
@@ -72,10 +64,8 @@ def _add_files(app: FastAPI, place: Place) -> None:
         file = place.inside(path, run)
         if not is_run(run) or path not in [name for name, *_ in files_of(run)]:
             raise HTTPException(404, "There is no such file of a run.")
-        kind = mimetypes.guess_type(file.name)[0] or "application/octet-stream"
-        name = file.name if download else None
         headers = _ALONE | {"cache-control": "no-store"}
-        return FileResponse(file, media_type=kind, filename=name, headers=headers)
+        return FileResponse(file, filename=file.name if download else None, headers=headers)
 
     @app.get("/zip")
     def take_all(folder: str = "") -> Response:

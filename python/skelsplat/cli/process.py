@@ -67,6 +67,7 @@ class Work:
     messages: list[str] = field(default_factory=list)  # lines: "warning: …", or at last "error: …"
     document: dict[str, Any] = field(default_factory=dict)  # what ``--json`` prints
     _child: Child | None = None
+    _cancelled: bool = False
 
     @property
     def command(self) -> str:
@@ -84,8 +85,8 @@ class Work:
     def words_of_bar(self) -> str:
         """What it does, how far it is, and the time left."""
         (what, unit), bar = _DOING[self.words[0]], self.bar
-        if bar is None or not bar.total:
-            return f"{what} …"
+        if self._cancelled or bar is None or not bar.total:
+            return "Cancelling …" if self._cancelled else f"{what} …"
         name = f", {bar.name}" if self.words[0] in _BY_CAMERA else ""
         left = "" if bar.seconds_left is None else f", {_time(bar.seconds_left)} left"
         return f"{what}{name}: {bar.done or 0} of {bar.total} {unit}{left}"
@@ -99,7 +100,7 @@ class Work:
     def cancel(self) -> None:
         """Interrupt it."""
         if self._child is not None and self.state == RUNNING:
-            self.state = CANCELLED
+            self._cancelled = True
             self._child.interrupt()
 
     def wait(self) -> None:
@@ -109,7 +110,9 @@ class Work:
 
     def _follow(self, child: Child) -> None:
         status, printed = child.outcome()
-        if self.state == RUNNING:
+        if self._cancelled and status:
+            self.state = CANCELLED
+        else:
             self.document = json.loads(printed) if printed.strip() else {}
             by_files = self.words[0] in _JUDGED_BY_FILES
             if status and not by_files:

@@ -110,7 +110,7 @@ def texts_of(rows: Sequence[Option], given: Mapping[str, Any]) -> dict[str, Any]
         texts = [f"{one:g}" if isinstance(one, float) else str(one) for one in several]
         if value is True:
             found[row.name] = True
-        elif value not in (None, False) and texts != [row.default]:
+        elif value not in (None, False) and texts and texts != [row.default]:
             found[row.name] = texts if row.many else ",".join(texts)
     return found
 
