@@ -33,7 +33,7 @@ def main(folder: Path) -> None:
         program = [sys.executable, "-m", "skelsplat"]
         refine = [*program, "refine", "Calib.toml", pose.name, "-o", "out", *SETTINGS.split(), "--quiet"]
         subprocess.run(refine, check=True, cwd=root / "balance")
-        draw = [*program, "overlay", "out", "--plain", "--grid", "--quiet"]
+        draw = [*program, "overlay", "out", "--plain", "--quiet"]
         subprocess.run(draw, check=True, cwd=root / "balance")
         with subprocess.Popen([*program, "app", str(root), "--no-browser"], stdout=subprocess.PIPE) as server:
             assert server.stdout is not None
