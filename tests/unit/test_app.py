@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import http.client
 import re
-import shutil
 import signal
 import socket
 import subprocess
@@ -17,9 +16,6 @@ import pytest
 from skelsplat.io import read_pose
 
 pytest.importorskip("nicegui")
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-in_browser = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
-FLAGS = "--no-sandbox --disable-gpu --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader"
 PATIENCE_MS = 60_000
 LISTENS = "window.socket && window.socket.connected"
 NARROW = "document.scrollingElement.scrollWidth <= 390"
@@ -49,15 +45,6 @@ def server(root):
         yield SimpleNamespace(address=address[0], port=port, cookie=f"skelsplat-{port}={key}")
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=30)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    playwright = pytest.importorskip("playwright.sync_api")
-    with playwright.sync_playwright() as running:
-        opened = running.chromium.launch(executable_path=CHROMIUM, args=FLAGS.split())
-        yield opened
-        opened.close()
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +99,6 @@ def settle(page, layout="h36m17", fps="50 per second"):
     page.get_by_text("frame rate is not known").wait_for(state="detached")
 
 
-@in_browser
 def test_from_keypoints_to_files_then_again_while_another_recording_is_cancelled(visit, root):
     page = visit()
     page.get_by_role("link", name="walk", exact=True).focus()
@@ -146,7 +132,6 @@ def test_from_keypoints_to_files_then_again_while_another_recording_is_cancelled
     assert not (root / "second/out").exists()
 
 
-@in_browser
 def test_what_is_wrong_is_said_in_one_line_with_what_to_do(visit):
     page = visit("/recording?at=broken")
     assert page.get_by_text("Calib.toml: ").count() >= 1
@@ -162,7 +147,6 @@ def test_what_is_wrong_is_said_in_one_line_with_what_to_do(visit):
     page.get_by_text("--fps 50").first.wait_for()
 
 
-@in_browser
 def test_without_a_mouse(visit):
     page = visit()
     page.get_by_role("link", name="third", exact=True).focus()
@@ -178,7 +162,6 @@ def test_without_a_mouse(visit):
     page.get_by_text("Cancelled.").wait_for()
 
 
-@in_browser
 def test_a_narrow_screen_scrolls_only_down(visit):
     page = visit()
     page.set_viewport_size({"width": 390, "height": 800})
@@ -189,7 +172,6 @@ def test_a_narrow_screen_scrolls_only_down(visit):
     assert page.evaluate(NARROW)
 
 
-@in_browser
 def test_files_are_brought_into_an_empty_folder(visit, root):
     page = visit("/recording?at=empty")
     page.get_by_text("no videos and no keypoints").wait_for()
