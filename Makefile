@@ -30,6 +30,7 @@ PYTEST = $(BIN)/python -m pytest --numprocesses auto --maxprocesses 8 --dist wor
 
 demo: $(STAMPS)/installed
 	$(BIN)/skelsplat demo -o skelsplat-demo
+	@echo "To look at it in the browser, and to use your own recordings there: $(BIN)/skelsplat app skelsplat-demo"
 
 # In this order on two cores: while the wheel is built, for which the rest waits, sources are checked and libraries installed
 # on what it leaves; then pytest and the Rust tests run at the same time.

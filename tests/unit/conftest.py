@@ -53,6 +53,29 @@ def write_recording(folder, n_frames=5):
     return folder, rig, pose
 
 
+# WebGL without a graphics card, as root.
+_FLAGS = "--no-sandbox --disable-gpu --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader"
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Open Chromium without a window."""
+    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if chromium is None:
+        pytest.skip("needs Chromium: apt-get install chromium")
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as running:
+        opened = running.chromium.launch(executable_path=chromium, args=_FLAGS.split())
+        yield opened
+        opened.close()
+
+
+@pytest.fixture(scope="session")
+def walk():
+    """Return the function that writes a recording into a folder."""
+    return write_recording
+
+
 @pytest.fixture
 def recording(tmp_path, request):
     return write_recording(tmp_path, getattr(request, "param", 5))

@@ -13,15 +13,15 @@ from planted import FAULTS
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 37_356,
-    "cli": 3_432,
+    "package": 39_443,
+    "cli": 3_691,
     "core": 19_436,
     "binding": 2_750,
     "Rust tests": 5_996,
-    "Python tests": 27_177,
+    "Python tests": 27_768,
     "benchmarks and tools": 4_015,
-    "docs, words": 41_083,
-    "README, words": 1_435,
+    "docs, words": 41_689,
+    "README, words": 1_462,
 }
 
 

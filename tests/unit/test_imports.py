@@ -15,6 +15,7 @@ PACKAGE = Path(__file__).parents[2] / "python" / "skelsplat"
 
 # From the top: a part imports those below it, and none beside it. `skelsplat` itself re-exports `_refine`.
 LAYERS = (
+    {"app"},
     {"cli"},
     {"run", "evaluation"},
     {"detect"},
@@ -52,7 +53,7 @@ HEAVY = {
         "tables",
     ),
     *("mediapipe", "rtmlib", "typer", "click", "rich", "json", "tomllib", "tomli", "multiprocessing"),
-    "asyncio",
+    *("asyncio", "nicegui", "fastapi", "uvicorn"),
 }
 # Part → what it must not import either, though it is below it.
 FORBIDDEN = {

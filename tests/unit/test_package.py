@@ -75,7 +75,7 @@ def test_every_licence_text_is_there() -> None:
 
 PICTURES = {"overview.png", "weights.png", "report.html"}
 NEEDS = "report.html and figures need skelsplat[viz]: pip install 'skelsplat[viz]'"
-EXTRAS = {"all", "evaluation", "formats", "mediapipe", "rtmlib", "temporal", "video", "viz"}
+EXTRAS = {"all", "app", "evaluation", "formats", "mediapipe", "rtmlib", "temporal", "video", "viz"}
 
 
 @pytest.fixture
@@ -107,7 +107,7 @@ def test_plot_without_viz_fails_with_the_pip_line(finished_run):
 def test_every_extra_that_a_message_names_exists_and_is_part_of_all():
     root = Path(__file__).parents[2]
     project = (root / "pyproject.toml").read_text(encoding="utf-8")
-    assert 'all = ["skelsplat[evaluation,formats,temporal,video,viz]"]' in project
+    assert 'all = ["skelsplat[app,evaluation,formats,temporal,video,viz]"]' in project
     for extra in EXTRAS:
         assert f"\n{extra} = [" in project
     assert '[all]"' in (root / "Makefile").read_text(encoding="utf-8")

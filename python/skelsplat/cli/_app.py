@@ -26,6 +26,7 @@ COMMANDS = {
     "convert": "Convert a calibration, or poses (a file, or the folder of a run), to another format.",
     "check-cameras": "Find faults in a calibration: wrong unit, swapped, rotated or unsynchronised cameras.",
     "adjust-cameras": "Adjust the cameras that were turned or moved since the calibration, from recordings.",
+    "app": "Open a page in the browser that does all of this, for people without a terminal.",
     "layouts": "List the joint layouts, or explain one: joints, limbs, symmetric pairs, bones.",
     "synth": "Write a simulated data set: known poses, simulated detections of two detectors.",
     "datasets": "Data sets with ground truth: list them, check one on disk.",
@@ -33,8 +34,9 @@ COMMANDS = {
     "ablate": "Repeat an ablation of the paper and print its tables with the paper's rows.",
 }
 
-# Where a command is, if not in the module of its name.
+# Where a command is, if not in the module of its name; `skelsplat.app` is above this package.
 MODULES = {
+    "app": ".app.command",
     "demo": "refine",
     "check-cameras": "cameras",
     "adjust-cameras": "cameras",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from os import cpu_count
@@ -22,7 +23,7 @@ from skelsplat.cli.config import MisfitError, entries_of, options_in, source_of,
 from skelsplat.cli.output import print_findings, print_message, print_text, progress
 from skelsplat.cli.rows import rows
 from skelsplat.cli.table import new_table, print_adjusted, print_table
-from skelsplat.exceptions import DatasetError
+from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.run import Batch, Job, run_batch
 from skelsplat.run.batch import DONE, RECORD, TABLE, UNCHANGED, trials
 from skelsplat.run.batch import FAILED as FAILED_RECORDING
@@ -53,6 +54,8 @@ OPTIONS = (
 _program = typer.Typer(add_completion=False)
 _program.command("refine", cls=Command)(takes(*options.JOB)(options.job_of))
 _refine: Any = typer.main.get_command(_program)
+typed_for_refine: Callable[[str], str] = _refine.worded
+"""Return a sentence of the package with its keywords typed as options of refine."""
 
 
 @answers(*OPTIONS, short=True, epilog=_EPILOG)
@@ -92,8 +95,8 @@ def batch(
             processes=jobs or cpu_count() or 1,
             progress=lambda done, total: count("refining", done, total),
         )
-    worded = _refine.worded
-    errors = [f"error: {one.name}: {worded(text)}" for one in found.recordings for text in one.errors]
+    told = [(one.name, text) for one in found.recordings for text in one.errors]
+    errors = [f"error: {name}: {typed_for_refine(text)}" for name, text in told]
     for text in errors:
         print_message(text)
     return Answer(found.to_dict(), partial(_print, found, output), status=FAILED if errors else 0)
@@ -150,15 +153,34 @@ def _named_by(detections: Path, folder: Path) -> str:
 
 def _job(sessions: Path, name: str, values: Mapping[str, Any]) -> Job:
     """Return the job of a recording, whose options are checked as those of the command line."""
-    values = {"output": Path(), **values}
     try:
-        job: Job = _refine.main([], prog_name="refine", standalone_mode=False, default_map=values)
+        job = job_of([], {"output": Path(), **values})
+    except InvalidInputError as error:
+        raise typer.BadParameter(f"{sessions}: {name}: {error}", param_hint="SESSIONS") from error
+    return replace(job, output=None) if job.output == Path() else job
+
+
+def sessions_of(files: Mapping[str, Sequence[str]], given: Mapping[str, Any]) -> str:
+    """Return a file of sessions: by folder, calibration, detections and output in it, and texts for all."""
+    shared = [(row.flag[2:], given[row.name]) for row in options.JOB if row.name in given]
+    lines = ["[defaults]", *(f"{key} = {json.dumps(value)}" for key, value in shared)]
+    for name, paths in files.items():
+        lines += ["", "[[session]]", f"name = {json.dumps(name)}"]  # texts of JSON are texts of TOML
+        named = zip(("calibration", "detections", "output"), paths, strict=True)
+        lines += [f"{key} = {json.dumps(f'{name}/{path}')}" for key, path in named]
+    return "\n".join([*lines, ""])
+
+
+def job_of(words: Sequence[str], usual: Mapping[str, Any] | None = None) -> Job:
+    """Return the job of the words after ``skelsplat refine``; an error of usage is an `InvalidInputError`."""
+    try:
+        job: Job = _refine.main([*words], prog_name="refine", standalone_mode=False, default_map=usual)
     except Exception as error:
         if not hasattr(error, "format_message"):  # what every error of usage has
             raise
         text = error.format_message().replace("Invalid value for ", "", 1).replace("'", "", 2)
-        raise typer.BadParameter(f"{sessions}: {name}: {text}", param_hint="SESSIONS") from error
-    return replace(job, output=None) if job.output == Path() else job
+        raise InvalidInputError(text) from error
+    return job
 
 
 def _print(found: Batch, folder: Path, console: Console) -> None:

@@ -38,7 +38,7 @@ _LEGEND = (
     "error: median distance of the detections from the joints; explained: within four times the noise; ±: "
     "one standard deviation, with the rig aligned as a whole"
 )
-_ROWS = (
+OPTIONS = (
     *options.RECORDINGS,
     *rows(
         """
@@ -82,7 +82,7 @@ _ROWS = (
 )
 
 
-@answers(*_ROWS, short=True, epilog=_EPILOG)
+@answers(*OPTIONS, short=True, epilog=_EPILOG)
 def calibrate(
     context: typer.Context,
     detections: list[Path],
@@ -146,7 +146,7 @@ def _again(context: typer.Context, recorded: Recorded, *, several: bool) -> Iter
     name = "-".join(part for part in recorded.path.parts if part.strip("./"))
     yield from (str(recorded.path), "-o", f"out-{name}" if several else "out")
     of_frames = source_of(context, "frames") != "DEFAULT"
-    yield from chain.from_iterable(given_again(context, [row for row in _ROWS if row.name in _FORWARDED]))
+    yield from chain.from_iterable(given_again(context, [row for row in OPTIONS if row.name in _FORWARDED]))
     if recorded.uneven and not of_frames:
         yield from ("--frames", "union")
     if recorded.order is not None:

@@ -46,8 +46,8 @@ class LazyGroup(Group):
     """A group whose commands are imported when they are needed, and not for its help.
 
     `texts` has the names, with the lines that the help of this group shows. The command ``a-b`` is the
-    function ``a_b`` of the module of `skelsplat.cli` in `modules`, or of ``a_b``; a group of commands is the
-    application ``app`` there.
+    function ``a_b`` of the module in `modules`, relative to `skelsplat.cli`, or of ``a_b``; a group of
+    commands is the application ``app`` there.
     """
 
     texts: ClassVar[Mapping[str, str]] = {}
@@ -84,7 +84,7 @@ class LazyGroup(Group):
 
 @functools.cache
 def _command(name: str, place: str) -> Any:
-    module = import_module(f"skelsplat.cli.{place}")
+    module = import_module(f".{place}", "skelsplat.cli")
     if place == name and hasattr(module, "app"):
         return typer.main.get_group(module.app)
     function = getattr(module, name.replace("-", "_"))

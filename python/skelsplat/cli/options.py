@@ -11,9 +11,10 @@ from typing import Any
 
 import typer
 
-from skelsplat import RefineConfig
+from skelsplat import RefineConfig, layouts
 from skelsplat.cli.rows import NAME_OR_PATH, Option, choice, rows
 from skelsplat.exceptions import DatasetError
+from skelsplat.findings import Remedy
 from skelsplat.io.calibration import FORMATS as CALIBRATION_FORMATS
 from skelsplat.io.detections import FORMATS
 from skelsplat.io.poses import POSE_FORMATS
@@ -180,9 +181,10 @@ JOB = rows(
     """,
     size=width_and_height,
     binning={"kind": float, "limits": {}},
-    layout={"marks": (NAME_OR_PATH,)},
-    people=all_or_number,
-    frames=choice(*FRAME_MODES),
+    layout={"marks": (NAME_OR_PATH,), "offers": layouts.names},
+    person={"offers": ("consistent", "largest", "moves-most", "0", "1", "2")},
+    people={"read": all_or_number, "offers": ("all", "2", "3", "4")},
+    frames={"read": choice(*FRAME_MODES), "offers": FRAME_MODES},
     format=lambda _option, value: value.lower(),
     offset={"name": "offsets", "many": True, "read": _offsets},
     order=order,
@@ -194,7 +196,10 @@ JOB = rows(
     max_steps={"kind": int, "limits": {"min": 0}},
     threads={"name": "n_threads", "kind": int, "limits": {"min": 1}},
     fps=float,
-    write=partial(some_of, tuple(POSE_FORMATS)),
+    write={
+        "read": partial(some_of, tuple(POSE_FORMATS)),
+        "offers": tuple(kind for kind in POSE_FORMATS if kind != "npz"),
+    },
 )
 _BY_NAME = {row.name: row for row in JOB}
 JOB = tuple(map(_worded, JOB))
@@ -204,6 +209,12 @@ JOB = tuple(map(_worded, JOB))
 def of_job(*names: str) -> tuple[Option, ...]:
     """Return some of `JOB`, by their names."""
     return tuple(_worded(_BY_NAME[name]) for name in names)
+
+
+def option_of(remedy: Remedy) -> Option | None:
+    """Return the option of refine that a remedy sets; None if it is one of another command."""
+    flag = f"--{remedy.setting.replace('_', '-')}"
+    return next((row for row in JOB if row.flag == flag), None)
 
 
 CALIBRATION = tuple(row for row in JOB if row.panel == "Calibration")

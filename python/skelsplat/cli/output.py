@@ -36,6 +36,19 @@ options: ContextVar[frozenset[str]] = ContextVar("options", default=frozenset())
 # Where options are that help against what other commands find.
 _ELSEWHERE = {"adjust_cameras": "refine", "move": "adjust-cameras"}
 _quiet: ContextVar[bool] = ContextVar("quiet", default=False)
+Bar = Callable[[str, int | None, int | None], None]
+"""Is called with a name, what is done and the total."""
+_heard_by: ContextVar[Bar | None] = ContextVar("heard_by", default=None)
+
+
+@contextlib.contextmanager
+def heard(by: Bar) -> Iterator[None]:
+    """Call a function with all that bars show while this is open."""
+    before = _heard_by.set(by)
+    try:
+        yield
+    finally:
+        _heard_by.reset(before)
 
 
 @contextlib.contextmanager
@@ -141,9 +154,7 @@ def _pasted(finding: Finding) -> list[str]:
 
 
 @contextlib.contextmanager
-def progress(
-    unit: str, *, first: str | None = None, time: ProgressColumn | None = None
-) -> Iterator[Callable[[str, int | None, int | None], None]]:
+def progress(unit: str, *, first: str | None = None, time: ProgressColumn | None = None) -> Iterator[Bar]:
     """Yield a function of (name, done, total) that draws a bar of a unit for each name.
 
     With ``first``, the first name, there is one bar, with the last name before it; None leaves a number as it
@@ -151,6 +162,7 @@ def progress(
     """
     console = Terminal(stderr=True)
     tasks: dict[str, TaskID] = {}
+    listener = _heard_by.get()
     with Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -167,6 +179,8 @@ def progress(
             if key not in tasks:
                 tasks[key] = bar.add_task(escaped(name), total=total)
             bar.update(tasks[key], description=escaped(name), completed=done, total=total)
+            if listener is not None:
+                listener(name, done, total)
 
         if first is not None:
             update(first, None, None)

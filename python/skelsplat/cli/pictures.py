@@ -101,7 +101,7 @@ def plot(
 
 
 _OVERLAY_EPILOG = "Videos are MP4 (H.264). Needs pip install 'skelsplat\\[video]'."
-_OVERLAY_OPTIONS = rows(
+OVERLAY_OPTIONS = rows(
     """
     RUN  Output folder of refine or demo.
     VIDEOS  Folder with one video or one folder of images per camera, named like the camera; or one of
@@ -134,7 +134,7 @@ _OVERLAY_OPTIONS = rows(
 )
 
 
-@answers(*_OVERLAY_OPTIONS, epilog=_OVERLAY_EPILOG)
+@answers(*OVERLAY_OPTIONS, epilog=_OVERLAY_EPILOG)
 def overlay(
     run: Path,
     videos: Path | None = None,

@@ -16,6 +16,7 @@ REQUIRED: Any = object()
 """The default of an option that must be given."""
 NAME_OR_PATH = "name or path"
 """Marks a text: a name, or a path where a file of that name exists."""
+_ALTERNATIVES = r"[a-z-]+(\|[a-z-]+)+"
 
 
 @dataclass(frozen=True)
@@ -35,12 +36,31 @@ class Option:
     read: Callable[[str, Any], Any] | None = None  # from the option and its value, what the package gets
     marks: tuple[Any, ...] = ()  # `NAME_OR_PATH`
     limits: Mapping[str, float] = field(default_factory=dict)  # ``min`` and ``max``
+    offers: tuple[str, ...] = ()  # usual values
     common: bool = False  # shown in a short help
 
     @property
     def flag(self) -> str:
         """The option as it is typed."""
         return next((name for name in self.flags if name.startswith("--")), self.metavar)
+
+    @property
+    def title(self) -> str:
+        """The option in words."""
+        words = {"--fps": "frame rate"}.get(self.flag, self.flag.lstrip("-").replace("-", " "))
+        return words[:1].upper() + words[1:]
+
+    @property
+    def usual(self) -> str:
+        """The default in words; empty of a flag, or if there is none."""
+        return self.shown or ("" if self.default in (None, False) else str(self.default))
+
+    @property
+    def choices(self) -> list[str]:
+        """Values to choose from, if they are few: all, or the usual ones."""
+        return [*self.offers] or (
+            self.metavar.split("|") if re.fullmatch(_ALTERNATIVES, self.metavar) else []
+        )
 
     @property
     def parameter(self) -> inspect.Parameter:
@@ -67,6 +87,43 @@ class Option:
         if self.many:
             value = list(value or ())
         return self.name, value if self.read is None or value is None else self.read(self.flag, value)
+
+
+def typed(rows: Sequence[Option], values: Mapping[str, Any]) -> list[str]:
+    """Return options as they are typed, from texts by name; of a flag True, of a repeatable one a list."""
+    words = []
+    for row in rows:
+        value = values.get(row.name) or []
+        for text in value if isinstance(value, list) else [value]:
+            words += [row.flag] if row.kind is bool else [row.flag, str(text)]
+    return words
+
+
+def texts_of(rows: Sequence[Option], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values of the package, by keyword, as texts that `typed` takes."""
+    found: dict[str, Any] = {}
+    for row in rows:
+        value = given.get(row.name)
+        if isinstance(value, Mapping):
+            value = [f"{key}={'none' if one is None else one}" for key, one in value.items()]
+        several = value if isinstance(value, list | tuple) else [value]
+        texts = [f"{one:g}" if isinstance(one, float) else str(one) for one in several]
+        if value is True:
+            found[row.name] = True
+        elif value not in (None, False) and texts and texts != [row.default]:
+            found[row.name] = texts if row.many else ",".join(texts)
+    return found
+
+
+def texts_in(rows: Sequence[Option], words: Sequence[str]) -> dict[str, Any]:
+    """Return the options among the words of a command, as texts that `typed` takes."""
+    found: dict[str, Any] = {}
+    known = {flag: row for row in rows for flag in row.flags}
+    for word, after in zip(words, [*words[1:], ""], strict=True):
+        if (row := known.get(word)) is not None:
+            text = True if row.kind is bool else after
+            found[row.name] = [*found.get(row.name, []), text] if row.many else text
+    return found
 
 
 def one_of(option: str, value: str | None, choices: Sequence[str]) -> str:
@@ -132,7 +189,7 @@ def _row(panel: str, entry: str, more: dict[str, Any]) -> Option:
     name = next((flag for flag in flags if flag.startswith("--")), head).lstrip("-").replace("-", "_")
     made = Option(name.lower(), flags, metavar, found[1], panel, common=entry.startswith("* "))
     made = replace(made, **_KINDS.get(metavar, {}))
-    if re.fullmatch(r"[a-z-]+(\|[a-z-]+)+", metavar):
+    if re.fullmatch(_ALTERNATIVES, metavar):
         made = replace(made, read=choice(*metavar.split("|")))
     if not metavar:
         made = replace(made, kind=bool, default=False)

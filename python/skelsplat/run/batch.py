@@ -6,7 +6,6 @@ import hashlib
 import json
 import os
 import pickle
-import subprocess
 import sys
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -29,6 +28,7 @@ from skelsplat.run.batch_cameras import CAMERAS, OF_CALIBRATION, AdjustedTogethe
 from skelsplat.run.engine import run, run_people
 from skelsplat.run.folder import keep_inputs, output_folder
 from skelsplat.run.job import Job
+from skelsplat.run.process import Child
 from skelsplat.run.read import read_rig
 from skelsplat.run.report import versions
 
@@ -333,13 +333,12 @@ def attempt(job: Job) -> str:
 
 def _in_a_process(job: Job) -> str:
     """Do a job in a process of its own, which may end in any way: Python's lock is not shared, nor memory."""
-    paths = os.pathsep.join(path for path in sys.path if path)
-    command, env = [sys.executable, "-c", _PROGRAM], {**os.environ, "PYTHONPATH": paths}
-    done = subprocess.run(command, input=pickle.dumps(job), env=env, capture_output=True, check=False)
-    if done.returncode == 0:
-        return str(json.loads(done.stdout.splitlines()[-1]))
-    last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
-    return f"its process ended with status {done.returncode}" + (f": {last[0]}" if last else "")
+    said: list[str] = []
+    status, printed = Child(_PROGRAM, given=pickle.dumps(job), hear=said.append).outcome()
+    if status == 0:
+        return str(json.loads(printed.splitlines()[-1]))
+    last = [line for line in said if line.strip()][-1:]
+    return f"its process ended with status {status}" + (f": {last[0].strip()}" if last else "")
 
 
 def _work() -> None:

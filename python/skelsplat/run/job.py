@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, MISSING, Field, dataclass, field, fields
+from typing import Any
 
 import skelsplat as sk
 from skelsplat.cameras import MM_PER_UNIT
@@ -198,3 +199,31 @@ class Job(Writing):
             "write": "c3d" in self.write,
         }
         return tuple(option for option, given in needed.items() if given)
+
+    @property
+    def python(self) -> str:
+        """The lines of Python that do the job."""
+        function = "run" if self.people is None else "run_people"
+        given = [repr(os.fspath(self.calibration)), repr(os.fspath(self.detections))]
+        for one in fields(self):
+            value = getattr(self, one.name)
+            if one.name not in ("calibration", "detections", "config") and value != _usual(one):
+                text = os.fspath(value) if isinstance(value, os.PathLike) else value
+                given.append(f"{one.name}={text!r}")
+        paper = self.settings.method == "paper"
+        usual = (sk.RefineConfig.paper() if paper else sk.RefineConfig()).to_dict()
+        changed = [f"{name}={one!r}" for name, one in self.settings.to_dict().items() if usual[name] != one]
+        if paper or changed:
+            given.append(f"config=sk.RefineConfig{'.paper' if paper else ''}({', '.join(changed)})")
+        lines = ["import skelsplat as sk"] if paper or changed else []
+        lines += [
+            f"from skelsplat.run import Job, {function}",
+            "",
+            f"found = {function}(Job({', '.join(given)}))",
+        ]
+        return "\n".join([*lines, "for finding in found.findings:", "    print(finding)"])
+
+
+def _usual(one: Field[Any]) -> Any:
+    """Return the default of a field."""
+    return one.default if one.default_factory is MISSING else one.default_factory()

@@ -16,9 +16,16 @@ import skelsplat as sk
 from skelsplat._budget import within_memory
 from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.io._files import natural
+from skelsplat.io.detections._format import View
 from skelsplat.io.detections._frames import FRAME_MODES, FrameMode, check_offsets, shared_frames
 from skelsplat.io.detections._joints import Skeleton, check_mapping, choose_layout, read_layout, read_skeleton
-from skelsplat.io.detections._match import camera_called, cameras_called, match_by_name, match_by_order
+from skelsplat.io.detections._match import (
+    Candidates,
+    camera_called,
+    cameras_called,
+    match_by_name,
+    match_by_order,
+)
 from skelsplat.io.detections._opened import DetectionSet, Opened, one_rate
 from skelsplat.io.detections._registry import FORMATS, find_format, offered
 
@@ -35,6 +42,7 @@ __all__ = [
     "read_detections",
     "read_layout",
     "read_skeleton",
+    "sights",
 ]
 
 
@@ -124,6 +132,20 @@ def camera_labels(
     root = Path(path)
     with within_memory(root):
         there, _ = offered(root, find_format(root, format), sequence)
+    return _by_name(there)
+
+
+def sights(
+    path: str | os.PathLike[str], *, format: str | None = None, sequence: str | None = None
+) -> dict[str, View]:
+    """Return what each camera saw that detections name, whether or not a layout and frames fit."""
+    root = Path(path)
+    with within_memory(root):
+        there, read = offered(root, find_format(root, format), sequence)
+        return dict(read(_by_name(there)))
+
+
+def _by_name(there: Candidates) -> dict[str, str]:
     labels = sorted(there.busy, key=natural)
     names = {there.texts[label].removesuffix("_json"): label for label in labels}
     return names if len(names) == len(labels) else {label: label for label in labels}

@@ -92,7 +92,7 @@ def _told(path: Path) -> str:
     """Say what is there if it is no detections."""
     from skelsplat.io._kinds import damage, seems  # which imports this module
 
-    if deeper := _folders_beneath(path):
+    if deeper := folders_beneath(path):
         return f"folders with such detections beneath it: give one of them ({listed(deeper, _NAMED)})"
     if any(one.suffix.lower() in VIDEO_SUFFIXES for one in chain([path], path.glob("*"), path.glob("*/*"))):
         return "videos; run skelsplat detect or another detector on them first, and give what it writes"
@@ -108,7 +108,7 @@ def _told(path: Path) -> str:
     return seems(path) or "none that is recognised"
 
 
-def _folders_beneath(top: Path) -> list[str]:
+def folders_beneath(top: Path) -> list[str]:
     """Return the folders with detections, of the highest level beneath `top` that has any."""
     for level in _LEVELS:
         inside = (one.relative_to(top).as_posix() for one in top.glob(level) if one.is_dir())

@@ -177,6 +177,7 @@ async function open() {
   drawMarks();
   tellFrame(0);
   followAddress();
+  if (window !== window.top) document.getElementById("play").scrollIntoView({ block: "end" }); // beside its findings
   document.documentElement.dataset.ready = "yes";
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", recolour);
 }

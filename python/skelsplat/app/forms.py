@@ -1,0 +1,91 @@
+"""Settings on a page: each is an option of the command line, with the sentence of its help."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from itertools import groupby
+from typing import Any
+
+from nicegui import ui
+
+from skelsplat.app.parts import head
+from skelsplat.app.recording import OPTIONS, SHARED
+from skelsplat.cli.rows import Option
+
+_MAIN = {
+    "refine": ("people", "person", "unit", "layout", "fps", "adjust_cameras", "write", "angles", "opensim"),
+    "calibrate": ("stature",),
+}
+_FREE = ("layout", "person", "people")  # choices among which another text can be typed
+
+
+class Form:
+    """Settings; ``given`` has by command the texts of those that were set, ``change`` takes what changes."""
+
+    def __init__(
+        self,
+        given: Mapping[str, Mapping[str, Any]],
+        change: Callable[[str, str, Any], object],
+        cameras: Sequence[str] = (),
+    ) -> None:
+        self.given, self.change = given, change
+        self.cameras = list(cameras)
+
+    def main(self, commands: Sequence[str]) -> None:
+        """Show the settings that matter, of some commands."""
+        with ui.element("div").classes("s-fields"):
+            for command in commands:
+                rows = {row.name: row for row in OPTIONS[command]}
+                for name in _MAIN.get(command, ()):
+                    self.field(command, rows[name])
+
+    def more(self, commands: Sequence[str]) -> None:
+        """Show all others, by command and part of its help."""
+        with ui.expansion("More settings").classes("w-full"):
+            for command in commands:
+                known = (*_MAIN.get(command, ()), *(SHARED if command == "calibrate" else ()))
+                left = [row for row in OPTIONS[command] if row.name not in known]
+                for panel, rows in groupby(left, key=lambda row: row.panel):
+                    head(panel if command == "refine" else f"{command.capitalize()}: {panel.lower()}")
+                    with ui.element("div").classes("s-fields"):
+                        for row in rows:
+                            self.field(command, row)
+
+    def field(self, command: str, row: Option) -> None:
+        """Show a setting with its sentence."""
+        value, change = self.given.get(command, {}).get(row.name), partial(self._changed, command, row)
+        choices = self.cameras if row.name == "without" else row.choices
+        several = row.many or row.name == "write"
+        with ui.element("div").classes("s-field").props(f'data-setting="{command}.{row.name}"'):
+            if row.kind is bool:
+                ui.checkbox(row.title, value=bool(value), on_change=change)
+            elif several and choices:
+                value = value or row.default or []
+                texts = value.split(",") if isinstance(value, str) else value
+                kept = [text for text in texts if text in choices]
+                field = ui.select(choices, value=kept, label=row.title, multiple=True, on_change=change)
+                field.props("outlined dense use-chips stack-label")
+            elif choices:
+                shown = {"": row.usual or "not set", **{text: text for text in (*choices, value) if text}}
+                field = ui.select(
+                    shown,
+                    value=value or "",
+                    label=row.title,
+                    on_change=change,
+                    new_value_mode="add-unique" if row.name in _FREE else None,
+                )
+                field.props("outlined dense stack-label options-dense")
+            else:
+                text = ", ".join(value or []) if several else value or ""
+                made = ui.input(row.title, value=text, placeholder=row.usual or row.metavar, on_change=change)
+                made.props("outlined dense stack-label debounce=300")
+            ui.label(row.help).classes("s-help")
+
+    def _changed(self, command: str, row: Option, event: Any) -> object:
+        value = event.value
+        if row.name == "write":
+            value = ",".join(value)
+        elif isinstance(value, str):
+            value = [one for part in value.split(",") if (one := part.strip())] if row.many else value.strip()
+        return self.change(command, row.name, value)

@@ -1,0 +1,156 @@
+"""The result on the page of a recording: numbers, findings with what helps, report, videos, files."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from nicegui import ui
+
+from skelsplat.app.forms import Form
+from skelsplat.app.parts import address, button, facts, head, html, note, section, shown, table
+from skelsplat.app.recording import Recording, put
+from skelsplat.cli.options import option_of
+from skelsplat.cli.rows import Option
+from skelsplat.findings import Finding
+from skelsplat.io.poses import POSE_FORMATS
+from skelsplat.run.compared import AnyRun, compared, findings_of, numbers_of
+from skelsplat.run.files import files_of, size_of
+from skelsplat.run.folder import PAGE
+
+_FEW = 4  # findings that are shown at once
+_PAUSED = "Where the video is paused, the report shows the same frame."
+Press = Callable[..., Awaitable[None]]
+
+
+class ResultParts:
+    """What is to be looked at, and to be taken away."""
+
+    def __init__(self, recording: Recording, press: Press) -> None:
+        self.recording, self.press = recording, press
+
+    def address(self, name: str, **more: str) -> str:
+        """Return the address of a file of the run."""
+        folder = self.recording.place.relative(self.recording.output)
+        return address(f"/run/{name}", folder=folder, **more)
+
+    @ui.refreshable_method
+    def look(self) -> None:
+        """Show the result."""
+        result = self.recording.result
+        if result is None:
+            return
+        with section("3 · Result"):
+            if self.recording.before is not None and not self.recording.running:
+                self._compare(result, *self.recording.before[:2])
+            facts(numbers_of(result))
+            found = findings_of(result)
+            for of, one in found[:_FEW]:
+                self._finding(of, one)
+            if len(found) > _FEW:
+                with ui.expansion(f"{len(found) - _FEW} more").classes("w-full s-more"):
+                    for of, one in found[_FEW:]:
+                        self._finding(of, one)
+            self._pictures(result)
+
+    def _finding(self, of: str, finding: Finding) -> None:
+        """Show a finding, and a button for each of its remedies."""
+        with note(finding.severity, of + finding.text), ui.element("div").classes("s-row"):
+            for remedy in finding.remedy:
+                row = option_of(remedy)
+                if row is not None:
+                    self._remedy(row, remedy.value)
+
+    def _remedy(self, row: Option, value: Any) -> None:
+        """Show a button that tries a remedy; where the user chooses the value, after asking for it."""
+        recording, chosen = self.recording, dict[str, Any]()
+
+        def ask() -> None:
+            with ui.dialog(value=True) as dialog, ui.card().classes("s-ask"):
+                cameras = [one.name for one in recording.found.cameras]
+                Form({}, lambda _, name, text: put(chosen, name, text), cameras).field("refine", row)
+
+                async def go() -> None:
+                    dialog.close()
+                    text = chosen.get(row.name)
+                    for one in text if isinstance(text, list) else filter(None, [text]):
+                        await self.press(recording.try_remedy, row, one)
+
+                with ui.element("div").classes("s-row"):
+                    button("Try it", go, first=True)
+                    button("Close", dialog.close)
+
+        asks = value is None and row.kind is not bool
+        words = f"Try: {row.title}{' …' if asks else '' if value in (None, True) else f' {value}'}"
+        given = True if value is None else value
+        action = ask if asks else lambda: self.press(recording.try_remedy, row, given)
+        button(words, action).set_enabled(not recording.running)
+
+    def _compare(self, result: AnyRun, before: AnyRun, what: str) -> None:
+        """Show a remedy's result and that before it, to be kept or taken back."""
+        head(f"With {what}: before and after")
+        table(("", "Before", "After"), compared(before, result))
+
+        async def keep() -> None:
+            self.recording.before = None
+            await self.press(lambda: None)
+
+        with ui.element("div").classes("s-row"):
+            button("Keep it", keep, first=True)
+            button("Go back", lambda: self.press(self.recording.go_back))
+
+    def _pictures(self, result: AnyRun) -> None:
+        """Show the report, and the videos beside it."""
+        folder, version = self.recording.output, str(result.report["run"])
+        videos = sorted(one.stem for one in (folder / "overlay").glob("*.mp4"))
+        has_page = (folder / PAGE).is_file()
+        with ui.element("div").classes("s-look two" if videos and has_page else "s-look"):
+            if has_page:
+                source = shown(self.address(PAGE, v=version))
+                html(f"<iframe title='Report with the pose in 3D' src='{source}'></iframe>")
+            if videos:
+                self._videos(result, videos)
+        with ui.element("div").classes("s-row"):
+            if has_page:
+                ui.link("Open the report in a tab of its own", self.address(PAGE), new_tab=True)
+            draw = "Draw it on the videos" if self.recording.found.videos else "Draw what each camera sees"
+            start = button(draw, lambda: self.press(self.recording.start, "overlay"))
+            start.set_enabled(not self.recording.running)
+
+    def _videos(self, result: AnyRun, names: list[str]) -> None:
+        """Show a video, and let choose whose it is; page.js does that, and has the report follow."""
+        made, version = result.report["input"], str(result.report["run"])
+        data = f"data-rate='{made.get('frame_rate_hz') or ''}' data-first='{made.get('first_frame', 0)}'"
+        sources = {self.address(f"overlay/{name}.mp4", v=version): name for name in names}
+        choices = (f"<option value='{shown(source)}'>{shown(name)}" for source, name in sources.items())
+        with ui.element("div").classes("s-bar"):
+            html(f"<select aria-label='Camera'>{''.join(choices)}</select>")
+            html(f"<video controls preload=metadata src='{shown(next(iter(sources)))}' {data}></video>")
+            ui.label(_PAUSED).classes("s-help")
+
+    @ui.refreshable_method
+    def take(self) -> None:
+        """Show the files."""
+        if self.recording.result is None:
+            return
+        folder, files = self.recording.output, files_of(self.recording.output)
+        with section("4 · Files"):
+            whole = address("/zip", folder=self.recording.place.relative(folder))
+            save = button("Everything in one zip file", lambda: ui.navigate.to(whole), first=True)
+            save.classes("self-start")
+            links = (
+                f"<a href='{shown(self.address(name, download='1'))}' download><b>{shown(name)}</b>"
+                f"<span>{shown(about)}</span><span>{size_of(size)}</span></a>"
+                for name, about, size in files
+            )
+            html("".join(links)).classes("s-files")
+            there = {name.rpartition("/")[2].partition(".")[2] for name, _, _ in files}
+            with ui.element("div").classes("s-row"):
+                ui.label("Find the pose again, and also write").classes("s-dim s-small")
+                for kind in (kind for kind in POSE_FORMATS if kind not in there):
+                    button(kind, lambda kind=kind: self._also(kind)).set_enabled(not self.recording.running)
+
+    async def _also(self, kind: str) -> None:
+        given = self.recording.given["refine"]
+        given["write"] = f"{given.get('write', 'csv,trc')},{kind}"
+        await self.press(self.recording.start, "refine")

@@ -1,0 +1,154 @@
+"""The pages, what they share, and the page of a folder: where recordings are chosen, and refined together."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from functools import partial
+from pathlib import Path
+
+from nicegui import run, ui
+
+from skelsplat.app.forms import Form
+from skelsplat.app.parts import address, attempt, button, html, note, progress, section, shown, table
+from skelsplat.app.places import Place
+from skelsplat.app.recording import put
+from skelsplat.app.recording_page import RecordingPage
+from skelsplat.app.recordings import Recordings
+from skelsplat.cli.process import DONE
+from skelsplat.exceptions import SkelSplatError
+from skelsplat.io._run_files import is_run
+from skelsplat.run.found import holds_recording, output_of
+
+_HERE = Path(__file__).parent
+_WHAT = (
+    "It has one video per camera, or the keypoints that a detector has found in them, and a calibration if "
+    "there is one. An empty folder will do, too: files can be dropped into it."
+)
+_TOGETHER = "All with the same settings, each with its own results. What has not changed is not done again."
+
+
+def add_pages(recordings: Recordings) -> None:
+    """Add the page of a folder and that of a recording."""
+
+    @ui.page("/")
+    async def folder_page(at: str = "") -> None:
+        await _show(recordings.place, at, partial(_folder, recordings))
+
+    @ui.page("/recording")
+    async def recording_page(at: str = "") -> None:
+        async def show(folder: Path) -> None:
+            recording = await run.io_bound(recordings.at, folder)
+            if recording is not None:  # the server ends
+                RecordingPage(recording).show()
+
+        await _show(recordings.place, at, show)
+
+
+async def _show(place: Place, at: str, show: Callable[[Path], Awaitable[None]]) -> None:
+    """Show the page of a folder, or why it is refused."""
+    ui.add_css((_HERE / "page.css").read_text(encoding="utf-8"))
+    ui.add_body_html(f"<script>{(_HERE / 'page.js').read_text(encoding='utf-8')}</script>")
+    ui.colors(primary="#0a6ea8", positive="#1d7a46", negative="#b3261e", warning="#b4540a")
+    main = ui.element("main").classes("s-main")
+    try:
+        folder = place.folder(at)
+        with ui.element("header").classes("s-top") as header, ui.element("div"):
+            ui.link("SkelSplat", "/").classes("s-brand")
+            with ui.element("nav").classes("s-crumbs").props('aria-label="Folders"'):
+                for one in reversed([folder, *folder.parents]):
+                    if one.is_relative_to(place.root):
+                        ui.link(one.name or str(one), address("/", at=place.relative(one)))
+        header.move(target_index=0)
+        with main:
+            html(f"<h1 class='s-title'>{shown(folder.name or folder)}</h1>")
+            await show(folder)
+    except SkelSplatError as error:
+        with main:
+            note("error", str(error))
+            ui.link("Back to the first folder", "/")
+
+
+async def _folder(recordings: Recordings, folder: Path) -> None:
+    """Show a folder: those in it, which of them hold recordings, and how to refine these together."""
+    place = recordings.place
+    folders = place.folders(folder)
+    inside = await run.io_bound(lambda: [*filter(holds_recording, folders)])
+    with section("Choose the folder of a recording"):
+        ui.label(_WHAT).classes("s-dim")
+        here = address("/recording", at=place.relative(folder))
+        button("Use this folder", lambda: ui.navigate.to(here), first=True).classes("self-start")
+        _typed(place, folder)
+        with ui.element("div").classes("s-folders"):
+            for one in folders:
+                with ui.element("div").classes("s-folder"):
+                    page = "/recording" if one in (inside or ()) else "/"
+                    ui.link(one.name, address(page, at=place.relative(one)))
+                    badges = {"recording": page != "/", "has results": is_run(one / output_of(one))}
+                    for badge in (name for name, holds in badges.items() if holds):
+                        ui.label(badge).classes("s-badge")
+    if len(inside or ()) > 1:
+        with section("Several recordings at once"):
+            _Together(recordings, folder, inside or []).show()
+
+
+def _typed(place: Place, folder: Path) -> None:
+    """Show the path, where another can be typed."""
+
+    def go() -> None:
+        try:
+            ui.navigate.to(address("/", at=place.relative(place.folder(path.value or "", folder))))
+        except SkelSplatError as error:
+            path.props(remove="error").validate()
+            path.error = str(error)
+
+    path = ui.input("Path of the folder", value=str(folder)).props("outlined dense").classes("w-full")
+    path.on("keydown.enter", go)
+
+
+class _Together:
+    """How several recordings in a folder are refined together."""
+
+    def __init__(self, recordings: Recordings, folder: Path, inside: list[Path]) -> None:
+        self.recordings, self.folder = recordings, folder
+        self.chosen = dict.fromkeys(inside, True)
+        self.problem = ""
+
+    def show(self) -> None:
+        """Show which, their settings, and what is being done."""
+        ui.label(_TOGETHER).classes("s-dim")
+        with ui.element("div").classes("s-row"):
+            for one in self.chosen:
+                ui.checkbox(
+                    one.name,
+                    value=True,
+                    on_change=lambda event, one=one: self.chosen.update({one: event.value}),
+                )
+        given = self.recordings.given.setdefault(self.folder, {})
+        with ui.expansion("Settings").classes("w-full"):
+            form = Form({"refine": given}, lambda _, name, value: put(given, name, value))
+            form.main(["refine"])
+            form.more(["refine"])
+        self.action()
+
+    async def _start(self) -> None:
+        chosen = [one for one, on in self.chosen.items() if on]
+        self.problem = await attempt(self.recordings.batch, self.folder, chosen)
+        self.action.refresh()
+
+    @ui.refreshable_method
+    def action(self) -> None:
+        """Show what is being done, or became of the recordings, and the button that begins."""
+        if self.problem:
+            note("error", self.problem)
+        work = self.recordings.batches.get(self.folder)
+        if work is not None:
+            progress(work, work.cancel, self.action.refresh)
+            if work.state == DONE:
+                rows = [row for one in work.document["recordings"] for row in one["rows"]]
+                error = [row["median_error_px"] and f"{row['median_error_px']:.1f} px" for row in rows]
+                told = [row["error"] or row["findings"] for row in rows]
+                names = [(row["recording"], row["frames"]) for row in rows]
+                cells = [(*name, *more) for name, *more in zip(names, error, told, strict=True)]
+                table(("Recording", "Frames", "Error", "Findings"), cells)
+        start = button("Refine the chosen recordings", self._start, first=True).classes("self-start")
+        start.set_enabled(work is None or work.state != "running")

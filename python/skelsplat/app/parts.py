@@ -1,0 +1,129 @@
+"""Parts of pages: sentences, facts, tables, text to copy, and how far a command is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from html import escape
+from typing import Any
+from urllib.parse import quote, urlencode
+
+from nicegui import run, ui
+
+from skelsplat._escape import escaped
+from skelsplat.cli.batch import typed_for_refine
+from skelsplat.cli.process import CANCELLED, FAILED, RUNNING, Work
+from skelsplat.exceptions import SkelSplatError
+
+_EVERY_S = 0.25
+_BETTER = "Cancelled. Earlier files are as they were. Press again to go on or to begin anew."
+
+
+def address(page: str, **query: str) -> str:
+    """Return the address of a page, or a file, about a folder."""
+    return f"{quote(page)}?{urlencode(query)}"
+
+
+def html(text: str) -> ui.html:
+    """Show HTML of our own, in which all else is escaped."""
+    return ui.html(text, sanitize=False)
+
+
+def shown(text: object) -> str:
+    """Return a text from elsewhere as HTML."""
+    return escape(escaped(str(text)))
+
+
+def section(name: str) -> ui.element:
+    """Return a part of a page, to be entered."""
+    made = ui.element("section").classes("s-card").props(f'aria-label="{name}"')
+    with made:
+        html(f"<h2>{name}</h2>")
+    return made
+
+
+def head(text: str) -> None:
+    """Show the head of a smaller part."""
+    html(f"<h3>{shown(text)}</h3>")
+
+
+def note(kind: str, text: str) -> ui.element:
+    """Show a sentence behind a line in the colour of its kind: error, warning, lack, note; return its box."""
+    word = {"error": "<b>Error.</b> ", "warning": "<b>Warning.</b> "}.get(kind, "")
+    role = "alert" if kind == "error" else "note"
+    with ui.element("div").classes(f"s-note s-{kind}").props(f"role={role}") as box:
+        html(f"<p>{word}{shown(typed_for_refine(text))}</p>")
+    return box
+
+
+def facts(named: Mapping[str, str]) -> None:
+    """Show values, each above its name."""
+    cells = (
+        f"<div class='s-fact'><b>{shown(text)}</b><span>{shown(name)}</span></div>"
+        for name, text in named.items()
+    )
+    html("".join(cells)).classes("s-facts")
+
+
+def table(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+    """Show a table; None is a dash."""
+
+    def row(cells: Sequence[object], kind: str) -> str:
+        texts = ("–" if cell is None else shown(cell) for cell in cells)
+        return f"<tr>{''.join(f'<{kind}>{text}</{kind}>' for text in texts)}</tr>"
+
+    body = "".join(row(cells, "td") for cells in rows)
+    html(f"<table class='s-table'>{row(heads, 'th')}{body}</table>").classes("s-wide")
+
+
+def button(text: str, action: Callable[..., Any], *, first: bool = False) -> ui.button:
+    """Show a button; the ``first`` is that which most people press next."""
+    made = ui.button(text, on_click=action).props("no-caps color=primary")
+    return made.props("unelevated" if first else "outline")
+
+
+def code(text: str, name: str) -> None:
+    """Show text to be copied."""
+
+    def copy() -> None:
+        ui.clipboard.write(text)
+        ui.notify(f"Copied {name}.", position="bottom")
+
+    with ui.element("div").classes("s-code"):
+        html(f"<pre>{escape(text)}</pre>")
+        made = ui.button(icon="content_copy", on_click=copy)
+        made.props(f'flat dense round size=sm aria-label="Copy {name}"')
+
+
+async def attempt(action: Callable[..., object], *given: object) -> str:
+    """Do what a button is for, and return what was wrong, if anything was."""
+    try:
+        await run.io_bound(action, *given)
+    except (SkelSplatError, OSError) as error:
+        return str(error)
+    return ""
+
+
+def progress(work: Work, cancel: Callable[[], None], ended: Callable[[], object]) -> None:
+    """Show a bar with the time left and a button that cancels, and call ``ended`` once; or how it ended."""
+    if work.state == FAILED:
+        note("error", work.error)
+    if work.state == CANCELLED:
+        note("note", _BETTER)
+    if work.state != RUNNING:
+        return
+    with ui.element("div").classes("s-bar"):
+        label = ui.label(work.words_of_bar).props("role=status")
+        bar = ui.linear_progress(value=0.0, show_value=False, size="8px")
+        bar.props('rounded indeterminate aria-label="Progress"')
+        button("Cancel", cancel).classes("self-start")
+
+    def tick() -> None:
+        if work.state != RUNNING:
+            timer.deactivate()
+            ended()
+            return
+        label.set_text(work.words_of_bar)
+        if work.bar is not None and work.bar.share is not None:
+            bar.props(remove="indeterminate").set_value(round(work.bar.share, 3))
+
+    timer = ui.timer(_EVERY_S, tick)

@@ -1,0 +1,152 @@
+"""A recording on the page: what was found, its settings, the commands that they make, and what is done."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from skelsplat.app.places import Place
+from skelsplat.cli import calibrate, detect, options, pictures
+from skelsplat.cli.batch import job_of
+from skelsplat.cli.process import DONE, RUNNING, Work
+from skelsplat.cli.rows import NAME_OR_PATH, Option, texts_in, texts_of, typed
+from skelsplat.exceptions import InvalidInputError, SkelSplatError
+from skelsplat.run.compared import AnyRun, open_run
+from skelsplat.run.earlier import options_of
+from skelsplat.run.found import Found, look, output_of
+
+_CAMERAS, _PAGE_OF_CAMERAS, _KEYPOINTS = "Calib-from-people.toml", "calibration.html", "pose"
+_OF_FILES = {"calibration", "detections", "output", "videos", "run", "report", "force", "overwrite", "plain"}
+OPTIONS: dict[str, tuple[Option, ...]] = {
+    command: tuple(row for row in rows if row.name not in _OF_FILES)
+    for command, rows in {
+        "refine": options.JOB,
+        "calibrate": calibrate.OPTIONS,
+        "detect": detect.OPTIONS,
+        "overlay": pictures.OVERLAY_OPTIONS,
+    }.items()
+}
+"""By command, the options that are settings: all but those that say which files."""
+SHARED = ("layout", "frames", "format", "mapping", "sequence", "fps")
+"""Options of calibrate that are those of refine, and are set once."""
+
+
+@dataclass
+class Recording:
+    """A recording in a folder; ``given`` has by command the texts of its settings, as they are typed."""
+
+    place: Place
+    folder: Path
+    given: dict[str, dict[str, Any]] = field(default_factory=lambda: {command: {} for command in OPTIONS})
+    found: Found = field(default_factory=lambda: Found(Path()))
+    result: AnyRun | None = None
+    before: tuple[AnyRun, str, dict[str, Any]] | None = None  # until a remedy: result, what, settings
+    work: Work | None = None
+    done: list[str] = field(default_factory=list)  # commands as they are typed
+    version: int = 0  # goes up whenever something else is to be shown
+
+    @property
+    def output(self) -> Path:
+        """The folder of the results."""
+        return self.place.inside(output_of(self.folder), self.folder)
+
+    @property
+    def running(self) -> bool:
+        """Whether a command is being done."""
+        return self.work is not None and self.work.state == RUNNING
+
+    def look(self) -> Recording:
+        """Look at the folder anew; the settings of an earlier run there count until others are given."""
+        self.result = open_run(self.output)
+        if self.result is not None and not self.version and not self.given["refine"]:
+            self.given["refine"] = texts_of(OPTIONS["refine"], options_of(self.result.report))
+        self.found = look(self.folder, read_with(self.given))
+        self.version += 1
+        return self
+
+    def words(self, command: str) -> list[str]:
+        """Return a command as it is typed, without `skelsplat`; paths are relative to the folder."""
+        found, given, out = self.found, self.given[command], output_of(self.folder)
+        if command == "calibrate":
+            given = {**{name: self.given["refine"].get(name) for name in SHARED}, **given}
+        for row in OPTIONS[command]:
+            if (row.kind is Path or NAME_OR_PATH in row.marks) and given.get(row.name):
+                self.place.inside(given[row.name], self.folder)
+        files = {
+            "detect": (found.videos, "-o", _KEYPOINTS),
+            "calibrate": (found.detections, "-o", _CAMERAS, "--force", "--report", _PAGE_OF_CAMERAS),
+            "refine": (found.calibration, found.detections, "-o", out),
+            "overlay": (out, found.videos or "--plain"),
+        }
+        return [command, *files[command], *typed(OPTIONS[command], given)]
+
+    def python(self) -> str:
+        """Return the lines of Python that refine; settings are checked as on the command line."""
+        return job_of(self.words("refine")[1:]).python
+
+    def lines(self) -> str:
+        """Return the commands that were done, and that which refines, as they are typed."""
+        try:
+            last = shlex.join(["skelsplat", *self.words("refine")])
+        except SkelSplatError as error:
+            last = f"# {error}"
+        ready = [last] if self.found.detections else []
+        return "\n".join(dict.fromkeys([f"cd {shlex.quote(str(self.folder))}", *self.done, *ready]))
+
+    def start(self, command: str) -> None:
+        """Start a command."""
+        if self.running:
+            raise InvalidInputError(f"{command}: expected one command at a time, got a second one")
+        self.work = Work(self.words(command), self.folder, self._ended).start()
+        self.version += 1
+
+    def cancel(self) -> None:
+        """Cancel what is being done."""
+        if self.work is not None:
+            self.work.cancel()
+
+    def _ended(self, work: Work) -> None:
+        """Take over what a command has found, and look again."""
+        if work.state == DONE:
+            self.done.append(work.command)
+            for command in work.document.get("refine", ()) if work.words[0] == "calibrate" else ():
+                self.given["refine"].pop("unit", None)
+                self.given["refine"] |= {"calibration": _CAMERAS}
+                self.given["refine"] |= texts_in(OPTIONS["refine"], shlex.split(command))
+        self.look()
+
+    def try_remedy(self, row: Option, value: Any) -> None:
+        """Refine with a remedy of a finding, and keep the result before it for comparison."""
+        assert self.result is not None
+        settings = self.given["refine"]
+        text = (
+            [*settings.get(row.name, []), str(value)] if row.many else value if value is True else str(value)
+        )
+        self.before = (self.result, " ".join(typed([row], {row.name: text})), dict(settings))
+        put(settings, row.name, text)
+        self.start("refine")
+
+    def go_back(self) -> None:
+        """Refine with the settings before a remedy."""
+        if self.before is not None:
+            self.given["refine"], self.before = self.before[2], None
+            self.start("refine")
+
+
+def read_with(given: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Return how files are read with settings, as `look` takes it; `InvalidInputError` if one is wrong."""
+    texts = given["refine"]
+    job = job_of([".", ".", "-o", ".", *typed(OPTIONS["refine"], texts)])
+    chosen = {name: texts.get(name) for name in ("calibration", "detections")}
+    return {**vars(job), **chosen, "image_size": given.get("calibrate", {}).get("size")}
+
+
+def put(given: dict[str, Any], name: str, value: Any) -> None:
+    """Set the text of a setting; nothing takes it back."""
+    if value in (None, "", False, []):
+        given.pop(name, None)
+    else:
+        given[name] = value

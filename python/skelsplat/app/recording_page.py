@@ -1,0 +1,166 @@
+"""The page of a recording: what was found and what is missing, settings, result, files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from html import escape
+from importlib.util import find_spec
+from typing import Any
+
+from nicegui import ui
+
+from skelsplat._optional import pip_line
+from skelsplat.app.forms import Form
+from skelsplat.app.look import ResultParts
+from skelsplat.app.parts import attempt, button, code, facts, html, note, progress, section, table
+from skelsplat.app.recording import OPTIONS, Recording, put
+from skelsplat.exceptions import SkelSplatError
+from skelsplat.run.found import Lack
+
+_EVERY_S = 0.3
+_DROP = (
+    "<div class='s-drop' data-folder=\"{}\">Drop videos, keypoints or a calibration here, or "
+    "<label><input type=file multiple><span>choose files</span></label> or "
+    "<label><input type=file webkitdirectory><span>a folder</span></label>."
+    "<div role=status class='s-small'></div></div>"
+)
+# By command: what its button says, the packages of which it needs one, and the extra that has them.
+_REMEDIES = {
+    "detect": ("Find people in the videos", ("mediapipe", "rtmlib"), "mediapipe"),
+    "calibrate": ("Find the cameras from the people", ("cv2",), "video"),
+}
+# Settings on which it depends what is found.
+_READ_WITH = {row.name for row in OPTIONS["refine"] if row.panel in ("Calibration", "Input")} | {"fps"}
+
+
+class RecordingPage:
+    """The page of one recording in one tab."""
+
+    def __init__(self, recording: Recording) -> None:
+        self.recording, self.seen = recording, recording.version
+        self.given = dict(recording.given["refine"])  # as the form shows it
+        self.shown = False  # whether there is a form
+        self.problem = ""  # of what was pressed last
+        self.result = ResultParts(recording, self.press)
+
+    def show(self) -> None:
+        """Show everything, and keep it as it is."""
+        self.bring()
+        with ui.element("div").classes("s-part"):
+            self.settings()
+            self.action()
+        self.result.look()
+        self.result.take()
+        self.words()
+        ui.on("brought", lambda: self.press(self.recording.look))
+        ui.timer(_EVERY_S, self._tick)
+
+    def _tick(self) -> None:
+        if self.recording.version != self.seen:
+            self.refresh()
+
+    def refresh(self) -> None:
+        """Show everything anew; the form only if others changed it, since it has the keyboard."""
+        self.seen = self.recording.version
+        shown: list[Any] = [self.bring, self.action, self.result.look, self.result.take, self.words]
+        if self.given != self.recording.given["refine"] or self.shown == self.recording.found.empty:
+            shown.insert(1, self.settings)
+        for one in shown:
+            one.refresh()
+
+    async def press(self, action: Callable[..., Any], *given: Any) -> None:
+        """Do what a button is for; what is wrong is shown above the button that starts."""
+        self.problem = await attempt(action, *given)
+        self.refresh()
+
+    async def set(self, command: str, name: str, value: Any) -> None:
+        """Take over a setting from the form."""
+        put(self.recording.given[command], name, value)
+        self.given = dict(self.recording.given["refine"])
+        if name in _READ_WITH:
+            await self.press(self.recording.look)
+        else:
+            self.words.refresh()
+
+    async def choose(self, setting: str, value: str) -> None:
+        """Take over a setting from beside the form."""
+        command, name = ("calibrate", "size") if setting == "image_size" else ("refine", setting)
+        put(self.recording.given[command], name, value)
+        await self.press(self.recording.look)
+
+    @ui.refreshable_method
+    def bring(self) -> None:
+        """Show what was found, what is missing and what helps, and where files can be dropped."""
+        found, folder = self.recording.found, self.recording.place.relative(self.recording.folder)
+        with section("1 · Recording"):
+            if not found.empty:
+                facts(found.facts)
+                table((), list(found.files.items()))
+                with ui.expansion("Each camera").classes("w-full"):
+                    rows = [(one.name, one.frames, one.fps, one.image, one.people) for one in found.cameras]
+                    table(("Camera", "Frames", "Per second", "Image", "People"), rows)
+            several = {"calibration": found.calibrations, "detections": found.keypoints}
+            for name, values in several.items():
+                if len(values) > 1:
+                    chosen = ui.select([*values], value=getattr(found, name), label=name.capitalize())
+                    chosen.on_value_change(lambda event, name=name: self.choose(name, event.value))
+                    chosen.props("outlined dense").classes("w-full")
+            for lack in found.lacks:
+                self._lack(lack)
+            html(_DROP.format(escape(folder, quote=True)))
+
+    def _lack(self, lack: Lack) -> None:
+        words, needed, extra = _REMEDIES.get(lack.command, ("", (), ""))
+        with note("note" if lack.optional else "lack", lack.text), ui.element("div").classes("s-row"):
+            if needed and not any(find_spec(name) for name in needed):
+                ui.label(f"This needs another package: {pip_line(extra)}").classes("s-help")
+            elif words:
+                start = button(words, lambda: self.press(self.recording.start, lack.command), first=True)
+                start.set_enabled(not self.recording.running)
+            for value, text in lack.values.items():
+                button(text, lambda value=value: self.choose(lack.setting, value))
+
+    @ui.refreshable_method
+    def settings(self) -> None:
+        """Show the settings."""
+        found = self.recording.found
+        self.given, self.shown = dict(self.recording.given["refine"]), not found.empty
+        if not found.empty:
+            stages = {"refine": True, "calibrate": found.detections, "detect": found.videos}
+            commands = [command for command, needed in stages.items() if needed]
+            html("<h2>2 · Pose in 3D</h2>")
+            form = Form(self.recording.given, self.set, [one.name for one in found.cameras])
+            form.main(commands)
+            form.more([*commands, "overlay"])
+
+    @ui.refreshable_method
+    def action(self) -> None:
+        """Show what is being done, what was wrong, and the button that starts."""
+        recording, found = self.recording, self.recording.found
+        if self.problem:
+            note("error", self.problem)
+        if recording.work is not None:
+            progress(recording.work, recording.cancel, self.refresh)
+        if recording.running or found.empty:
+            return
+        with ui.element("div").classes("s-row"):
+            again = " again" if recording.result is not None else ""
+            start = button(f"Find the pose{again}", lambda: self.press(recording.start, "refine"), first=True)
+            start.set_enabled(found.ready)
+            if not found.ready:
+                ui.label("First, what is missing above.").classes("s-dim s-small")
+
+    @ui.refreshable_method
+    def words(self) -> None:
+        """Show what does the same without the page."""
+        recording = self.recording
+        if recording.found.empty:
+            return
+        with section("Without this page"):
+            ui.label("What was done, and what the button does, as commands and in Python:").classes("s-dim")
+            code(recording.lines(), name="the commands")
+            if recording.found.ready:
+                try:
+                    code(recording.python(), name="the Python lines")
+                except SkelSplatError as error:
+                    note("error", str(error))

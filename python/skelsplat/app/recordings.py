@@ -1,0 +1,65 @@
+"""All recordings that the page has open, by folder, and batches of several."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from skelsplat._atomic import atomic_write_text
+from skelsplat.app.places import Place
+from skelsplat.app.recording import Recording, read_with
+from skelsplat.cli.batch import sessions_of
+from skelsplat.cli.process import RUNNING, Work
+from skelsplat.exceptions import InvalidInputError
+from skelsplat.run.found import look, output_of
+
+SESSIONS, RESULTS = "skelsplat-sessions.toml", "batch"
+
+
+class Recordings:
+    """The recordings in a place."""
+
+    def __init__(self, place: Place) -> None:
+        self.place = place
+        self.open: dict[Path, Recording] = {}
+        self.batches: dict[Path, Work] = {}
+        self.given: dict[Path, dict[str, Any]] = {}  # by folder, the settings of refine for all in it
+
+    def at(self, folder: Path) -> Recording:
+        """Return the recording of a folder, the same for all who ask."""
+        if folder not in self.open:
+            self.open[folder] = Recording(self.place, folder).look()
+        return self.open[folder]
+
+    def batch(self, folder: Path, chosen: Sequence[Path]) -> None:
+        """Refine several recordings in a folder, each into a folder of its own."""
+        if folder in self.batches and self.batches[folder].state == RUNNING:
+            raise InvalidInputError("batch: expected one at a time, got a second one")
+        given = self.given.get(folder, {})
+        found = [look(one, read_with({"refine": given})) for one in chosen]
+        for one in found:
+            if not one.ready:
+                lacks = [lack.text for lack in one.lacks] or ["it holds no recording"]
+                raise InvalidInputError(f"{one.folder.name}: {lacks[0]}")
+        file, _ = self.place.inside(SESSIONS, folder), self.place.inside(RESULTS, folder)
+        files = {
+            path.relative_to(folder).as_posix(): (one.calibration, one.detections, output_of(path))
+            for path, one in zip(chosen, found, strict=True)
+        }
+        atomic_write_text(file, sessions_of(files, given))
+        work = Work(["batch", SESSIONS, "-o", RESULTS], folder, lambda _: self._look(chosen))
+        self.batches[folder] = work.start()
+
+    def _look(self, folders: Sequence[Path]) -> None:
+        for one in (self.open[folder] for folder in folders if folder in self.open):
+            one.look()
+
+    def cancel(self) -> None:
+        """Cancel everything, and wait for its end."""
+        works = [*self.batches.values(), *(one.work for one in self.open.values() if one.work is not None)]
+        for one in self.open.values():
+            one.cancel()
+        for work in works:
+            work.cancel()
+            work.wait()

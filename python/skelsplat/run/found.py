@@ -1,0 +1,338 @@
+"""What the folder of a recording holds, what is missing, and what helps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat._words import metric
+from skelsplat.cameras import MM_PER_UNIT
+from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
+from skelsplat.findings import collected_warnings
+from skelsplat.io._files import VIDEO_SUFFIXES
+from skelsplat.io._run_files import REPORT, is_run
+from skelsplat.io.calibration import find_format as calibration_format
+from skelsplat.io.calibration import read_calibration
+from skelsplat.io.detections import open_detections, sights
+from skelsplat.io.detections._registry import folders_beneath, recognised
+from skelsplat.io.video import FrameSource, open_source, videos_of
+from skelsplat.run.read import read_rig
+
+_LOOKED_AT = 200  # files of a folder
+_SAMPLED = 12  # frames in which people are counted
+_CALIBRATIONS = (".toml", ".json", ".xml", ".txt", ".xcp", ".yml", ".yaml", ".npz", ".pickle", ".pkl", ".h5")
+_OF_RIG = ("calibration_format", "unit", "camera_type", "subject", "size", "binning", "without")
+_OF_DETECTIONS = ("layout", "offsets", "order", "without", "mapping")
+_RATES = ("25", "30", "50", "60", "100")
+_NO_RATE = (
+    "The frame rate is not known. With it, all frames are solved together: joints move smoothly, and "
+    "people can be followed. Choose it, or type another below:"
+)
+_SIZES = ("1920x1080", "1080x1920", "1280x720", "3840x2160")
+_NO_SIZE = (
+    "The size of the images is not known, which finding the cameras takes. Choose it, or type another below:"
+)
+_BY_COMMANDS = ("overlay", "plots", "opensim")
+
+
+@dataclass(frozen=True)
+class Camera:
+    """What is known of one camera; None where nothing says it."""
+
+    name: str
+    frames: int | None = None
+    fps: float | None = None
+    size: tuple[int, int] | None = None
+    people: int | None = None
+
+    @property
+    def image(self) -> str | None:
+        """Its size in words."""
+        return None if self.size is None else f"{self.size[0]}×{self.size[1]}"
+
+
+@dataclass(frozen=True)
+class Lack:
+    """Something that is missing or wrong, in words, and what helps: a command, or values of a setting."""
+
+    text: str
+    command: str = ""
+    setting: str = ""
+    values: Mapping[str, str] = field(default_factory=dict)  # by value, in words
+    optional: bool = False  # poses can be found without
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a folder holds; paths are relative to it."""
+
+    folder: Path
+    cameras: tuple[Camera, ...] = ()
+    calibration: str = ""
+    calibrations: tuple[str, ...] = ()  # all that may be meant
+    detections: str = ""
+    keypoints: tuple[str, ...] = ()  # likewise
+    videos: str = ""
+    layout: str = ""
+    unit: str = ""
+    lacks: tuple[Lack, ...] = ()
+    fps: str = ""  # as it was given
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is nothing of a recording."""
+        return not (self.calibrations or self.keypoints or self.videos)
+
+    @property
+    def ready(self) -> bool:
+        """Whether nothing is missing for poses."""
+        missing = any(not lack.optional for lack in self.lacks)
+        return bool(self.calibration and self.detections) and not missing
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """What was found, in a few words each."""
+        frames = sorted({one.frames for one in self.cameras if one.frames})
+        rates = sorted({f"{one.fps:.5g}" for one in self.cameras if one.fps})
+        people = [one.people for one in self.cameras if one.people is not None]
+        named = {
+            "cameras": str(len(self.cameras) or ""),
+            "frames": " to ".join(map(str, dict.fromkeys([*frames[:1], *frames[-1:]]))),
+            "frames per second": self.fps or " and ".join(rates),
+            "people at once": f"up to {max(people)}" if people else "",
+            "joints": self.layout,
+            "unit of the calibration": self.unit,
+        }
+        return {name: text or "–" for name, text in named.items()}
+
+    @property
+    def files(self) -> dict[str, str]:
+        """Where it is."""
+        named = {"Calibration": self.calibration, "Keypoints": self.detections, "Videos": self.videos}
+        return {name: "this folder" if text == "." else text or "none" for name, text in named.items()}
+
+
+def holds_recording(folder: Path) -> bool:
+    """Tell by a short look whether a folder holds a recording: keypoints, or videos."""
+    with suppress(SkelSplatError, OSError):
+        return bool(_videos(folder)) or bool(_keypoints(folder))
+    return False
+
+
+def output_of(folder: Path) -> str:
+    """Return the folder for the results of a recording: where an earlier run wrote, else ``out``."""
+    return "." if is_run(folder) else "out"
+
+
+def look(folder: Path, given: Mapping[str, Any]) -> Found:
+    """Return what a folder holds.
+
+    ``given`` has fields of `skelsplat.run.Job` by which files are read. Its ``calibration`` and
+    ``detections`` choose among several, by their paths from the folder; ``image_size`` is that of all images
+    where files do not state it.
+    """
+    with collected_warnings():
+        return _look(folder, given)
+
+
+def _look(folder: Path, given: Mapping[str, Any]) -> Found:
+    keypoints, videos = _keypoints(folder), _videos(folder)
+    beside = [folder, *(folder / name for name in keypoints), *((folder / name).parent for name in keypoints)]
+    calibrations, broken = _calibrations(folder, dict.fromkeys([*beside, *_named_calib(folder)]))
+    calibration = _chosen(calibrations, given.get("calibration"))
+    detections = _chosen(keypoints, given.get("detections"))
+    rig, lack = _rig(folder, calibration, given)
+    cameras, layout, more = _sight(folder, detections, rig, given)
+    sources = _sources(folder / videos) if videos else {}
+    if sources:
+        cameras = cameras or tuple(Camera(name) for name in sources)
+        cameras = tuple(_with_source(one, sources.get(one.name)) for one in cameras)
+    unknown = not given.get("image_size") and any(one.size is None for one in cameras)
+    if detections and not calibration and unknown:
+        lacks = [Lack(_NO_SIZE, setting="image_size", values={size: size for size in _SIZES})]
+    else:
+        lacks = []
+    lacks += [*broken, *lack, *more, *_missing(calibration, detections, videos, bool(broken))]
+    if not given.get("fps") and detections and not any(one.fps for one in cameras):
+        lacks.append(
+            Lack(
+                _NO_RATE, setting="fps", values={rate: f"{rate} per second" for rate in _RATES}, optional=True
+            )
+        )
+    return Found(
+        folder,
+        cameras,
+        calibration,
+        calibrations,
+        detections,
+        keypoints,
+        videos,
+        layout,
+        "" if rig is None else rig.unit,
+        tuple(lacks),
+        f"{given['fps']:g}" if given.get("fps") else "",
+    )
+
+
+def _missing(calibration: str, detections: str, videos: str, broken: bool) -> Iterator[Lack]:
+    if not detections and videos:
+        yield Lack("There are videos, and no keypoints yet: a detector finds the people in them.", "detect")
+    elif not detections:
+        yield Lack(
+            "There are no videos and no keypoints here. Put one video per camera, or what a detector of "
+            "keypoints has written, into this folder, or choose another."
+        )
+    elif not calibration:
+        also = " that can be read" if broken else ""
+        yield Lack(
+            f"There is no calibration{also}. The cameras can be found from the people in the recording; it "
+            "takes somebody who walks about for ten seconds. Or bring the calibration file.",
+            "calibrate",
+        )
+
+
+def _chosen(names: tuple[str, ...], wanted: str | None) -> str:
+    return wanted if wanted in names else next(iter(names), "")
+
+
+def _keypoints(folder: Path) -> tuple[str, ...]:
+    """Return the folders and files of detections."""
+    if not is_run(folder):
+        with suppress(DatasetError):  # it cannot be read
+            found = recognised(folder)
+            if found and not any(
+                path.parent == folder and calibration_format(path) for path in found.values()
+            ):
+                return (".",)
+    inside = (name.rstrip("/") for name in folders_beneath(folder))
+    return tuple(name for name in inside if not any(part in _BY_COMMANDS for part in name.split("/")))
+
+
+def _videos(folder: Path) -> str:
+    """Return the folder of the videos, if there is one."""
+    for place in (folder, *sorted(one for one in folder.iterdir() if one.is_dir())):
+        if place.name in _BY_COMMANDS or place.name.startswith(".") or (place != folder and is_run(place)):
+            continue
+        if any(one.suffix.lower() in VIDEO_SUFFIXES for one in place.iterdir()):
+            return place.relative_to(folder).as_posix()
+    return ""
+
+
+def _named_calib(folder: Path) -> list[Path]:
+    return [one for one in folder.iterdir() if one.is_dir() and "calib" in one.name.lower()]
+
+
+def _calibrations(folder: Path, places: Mapping[Path, None]) -> tuple[tuple[str, ...], list[Lack]]:
+    """Return the calibrations in some folders, and what is wrong with files that look like one."""
+    found: list[str] = []
+    lacks: list[Lack] = []
+    for place in (one for one in places if one.is_dir() and not is_run(one)):
+        files = [
+            one for one in sorted(place.iterdir()) if one.suffix.lower() in _CALIBRATIONS and one.is_file()
+        ]
+        for path in files[:_LOOKED_AT]:
+            name = path.relative_to(folder).as_posix()
+            try:
+                if path.name != REPORT and not recognised(path) and calibration_format(path):
+                    found.append(name)
+            except (SkelSplatError, OSError) as error:
+                if "calib" in name.lower():
+                    lacks.append(Lack(_line(error, folder)))
+    return tuple(dict.fromkeys(found)), lacks
+
+
+def _line(error: Exception, folder: Path) -> str:
+    """Return an error in one line, with paths from the folder of the recording."""
+    return str(error).replace(f"{folder}/", "")
+
+
+def _rig(folder: Path, calibration: str, given: Mapping[str, Any]) -> tuple[sk.CameraRig | None, list[Lack]]:
+    """Return the cameras of a calibration, or what is missing to read it."""
+    if not calibration:
+        return None, []
+    options = {name: given[name] for name in _OF_RIG if given.get(name)}
+    try:
+        return read_rig(folder / calibration, **options), []
+    except (SkelSplatError, OSError) as error:
+        if isinstance(error, InvalidInputError) and error.argument == "unit" and not given.get("unit"):
+            words = f"{calibration} does not state its unit of length. Choose the one that fits your room:"
+            return None, [Lack(words, setting="unit", values=dict(_units(folder / calibration)))]
+        return None, [Lack(_line(error, folder))]
+
+
+def _units(calibration: Path) -> Iterator[tuple[str, str]]:
+    """Yield each unit, and how far apart cameras are in it."""
+    for unit, per in MM_PER_UNIT.items():
+        centres = np.array([camera.centre for camera in read_calibration(calibration, unit=unit)])
+        apart = np.linalg.norm(centres[:, None] - centres[None], axis=-1).max() * per
+        yield unit, f"{unit}: cameras are up to {metric(apart)} apart"
+
+
+def _sight(
+    folder: Path, detections: str, rig: sk.CameraRig | None, given: Mapping[str, Any]
+) -> tuple[tuple[Camera, ...], str, list[Lack]]:
+    """Return the cameras as detections show them, the layout, and what is missing to read them."""
+    cameras = () if rig is None else tuple(map(_calibrated, rig.names, rig))
+    if not detections:
+        return cameras, "", []
+    try:
+        named = {name: given[name] for name in ("format", "sequence") if given.get(name)}
+        views = sights(folder / detections, **named)
+        cameras = tuple(
+            Camera(name, len(view.frames), view.rate, view.size, _people(view))
+            for name, view in views.items()
+        )
+        names = list(views) if rig is None else rig
+        options = {name: given[name] for name in _OF_DETECTIONS if given.get(name)}
+        opened = open_detections(folder / detections, names, frames="union", **named, **options)
+    except (SkelSplatError, OSError) as error:
+        if isinstance(error, InvalidInputError) and error.argument == "layout" and cameras:
+            joints = next((joints for joints in map(_joints, views.values()) if joints), 0)
+            fitting = [name for name in sk.layouts.names if sk.layouts.get(name).n_joints == joints]
+            words = f"The keypoints have {joints} joints per person, and do not say which. Choose the layout:"
+            if fitting:
+                return cameras, "", [Lack(words, setting="layout", values={name: name for name in fitting})]
+        return cameras, "", [Lack(_line(error, folder))]
+    return cameras, opened.skeleton.name, []
+
+
+def _calibrated(name: str, camera: sk.Camera) -> Camera:
+    return Camera(name, size=camera.size)
+
+
+def _sampled(view: Any) -> Iterator[list[Any]]:
+    """Yield the people in some frames of a view, evenly chosen."""
+    places = np.unique(np.linspace(0, len(view.frames) - 1, _SAMPLED).astype(np.int64))
+    for people in view.people(places if len(view.frames) else places[:0]):
+        yield [one for one in people if len(one)]
+
+
+def _people(view: Any) -> int | None:
+    """Return how many people are seen at once in some frames, at most."""
+    return max(map(len, _sampled(view)), default=None)
+
+
+def _joints(view: Any) -> int:
+    """Return how many joints a person has, 0 if nobody is seen."""
+    return next((len(person) for people in _sampled(view) for person in people), 0)
+
+
+def _sources(videos: Path) -> dict[str, FrameSource]:
+    """Return the videos by camera; none if they cannot be read."""
+    with suppress(SkelSplatError, OSError):
+        return {name: open_source(path) for name, path in videos_of(videos).items()}
+    return {}
+
+
+def _with_source(one: Camera, source: FrameSource | None) -> Camera:
+    """Return a camera with what its video says."""
+    if source is None:
+        return one
+    frames = source.last - source.first + 1 if one.frames is None else one.frames
+    return Camera(one.name, frames, one.fps or source.rate, one.size or source.size, one.people)

@@ -1,0 +1,226 @@
+"""``skelsplat app`` in headless Chromium, as somebody uses it who has never seen a command line."""
+
+from __future__ import annotations
+
+import http.client
+import re
+import signal
+import socket
+import subprocess
+import sys
+import zipfile
+from types import SimpleNamespace
+
+import pytest
+
+from skelsplat.io import read_pose
+
+pytest.importorskip("nicegui")
+PATIENCE_MS = 60_000
+LISTENS = "window.socket && window.socket.connected"
+NARROW = "document.scrollingElement.scrollWidth <= 390"
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory, walk):
+    """Give a folder with recordings: whole ones, one with a broken calibration, and an empty folder."""
+    top = tmp_path_factory.mktemp("app") / "recordings"
+    for name in ("walk", "second", "third", "broken"):
+        (top / name).mkdir(parents=True)
+        walk(top / name)
+    (top / "broken" / "Calib.toml").write_text("[cam_0]\nmatrix = [[1, 2", encoding="utf-8")
+    (top / "empty").mkdir()
+    (top.parent / "outside.txt").write_text("a secret", encoding="utf-8")
+    return top
+
+
+@pytest.fixture(scope="module")
+def server(root):
+    """Start the command, and give its address and port."""
+    program = "import sys; sys.argv[0] = 'skelsplat'; from skelsplat.cli import main; main()"
+    command = [sys.executable, "-c", program, "app", str(root), "--no-browser"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=root.parent) as process:
+        address = re.search(r"http://127\.0\.0\.1:(\d+)/\?key=(\S+)", process.stdout.readline())
+        port, key = int(address[1]), address[2]
+        yield SimpleNamespace(address=address[0], port=port, cookie=f"skelsplat-{port}={key}")
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=30)
+
+
+@pytest.fixture(scope="module")
+def context(browser, server):
+    """Open the printed address once: its key becomes the cookie of all tabs."""
+    opened = browser.new_context(viewport={"width": 1000, "height": 800})
+    opened.set_default_timeout(PATIENCE_MS)
+    page = opened.new_page()
+    page.goto(server.address)
+    assert page.url == f"http://127.0.0.1:{server.port}/"
+    page.close()
+    return opened
+
+
+@pytest.fixture
+def visit(context, server):
+    """Open pages in tabs; fail in the end if one complained, or asked another site for anything."""
+    own = re.compile(rf"(http|ws)://127\.0\.0\.1:{server.port}/|data:|blob:")
+    complaints, pages = [], []
+
+    def open_page(path="/"):
+        page = context.new_page()
+        pages.append(page)
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("request", lambda asked: own.match(asked.url) or complaints.append(asked.url))
+        page.goto(f"http://127.0.0.1:{server.port}{path}")
+        page.wait_for_function(LISTENS)
+        return page
+
+    yield open_page
+    for page in pages:
+        page.close()
+    assert complaints == []
+
+
+def enter(page):
+    """Follow the link that has the keyboard to the page of a recording, until it listens."""
+    page.keyboard.press("Enter")
+    page.get_by_role("heading", name="2 · Pose in 3D").wait_for()
+    page.wait_for_function(LISTENS)
+
+
+def press(page, name):
+    page.get_by_role("button", name=name, exact=True).click()
+
+
+def settle(page, layout="h36m17", fps="50 per second"):
+    """Answer what the files do not state."""
+    press(page, layout)
+    page.get_by_text("Choose the layout").wait_for(state="detached")
+    press(page, fps)
+    page.get_by_text("frame rate is not known").wait_for(state="detached")
+
+
+def test_from_keypoints_to_files_then_again_while_another_recording_is_cancelled(visit, root):
+    page = visit()
+    page.get_by_role("link", name="walk", exact=True).focus()
+    enter(page)
+    settle(page)
+    press(page, "Find the pose")
+    page.get_by_role("heading", name="3 · Result").wait_for()
+    assert "skelsplat refine Calib.toml openpose -o out --layout h36m17 --fps 50" in page.inner_text("main")
+    assert "Job('Calib.toml', 'openpose'" in page.inner_text("main")
+    with page.expect_download() as taken:
+        page.get_by_role("link", name="pose.trc").click()
+    poses = read_pose(taken.value.path().rename(root / "taken.trc"))
+    assert len(poses.frames) == 5
+    with page.expect_download() as taken:
+        press(page, "Everything in one zip file")
+    with zipfile.ZipFile(taken.value.path()) as packed:
+        assert packed.testzip() is None
+        assert {"pose.trc", "report.json", "report.html"} <= {*packed.namelist()}
+    assert page.frame_locator("iframe").locator("#view").count() == 1
+    another = visit("/recording?at=second")  # at the same time, and cancelled
+    settle(another)
+    press(page, "bvh")
+    press(another, "Find the pose")
+    for one in (page, another):
+        one.get_by_role("progressbar").wait_for()
+    press(another, "Cancel")
+    another.get_by_text("Cancelled.").wait_for()
+    page.get_by_role("link", name="pose.bvh").wait_for()
+    assert (root / "walk/out/pose.bvh").is_file()
+    assert (root / "walk/out/pose.trc").is_file()
+    assert not (root / "second/out").exists()
+
+
+def test_what_is_wrong_is_said_in_one_line_with_what_to_do(visit):
+    page = visit("/recording?at=broken")
+    assert page.get_by_text("Calib.toml: ").count() >= 1
+    assert page.get_by_role("button", name="Find the cameras from the people").is_visible()
+    assert page.get_by_role("button", name="Find the pose").is_disabled()
+    page = visit("/recording?at=third")
+    settle(page)
+    page.get_by_label("Frame rate").first.fill("-3")
+    page.get_by_text("--fps -3").first.wait_for()
+    press(page, "Find the pose")
+    assert "--fps: expected" in page.get_by_role("alert").first.inner_text()
+    page.get_by_label("Frame rate").first.fill("50")
+    page.get_by_text("--fps 50").first.wait_for()
+
+
+def test_without_a_mouse(visit):
+    page = visit()
+    page.get_by_role("link", name="third", exact=True).focus()
+    enter(page)
+    for _ in range(60):
+        page.keyboard.press("Tab")
+        if "Find the pose" in page.evaluate("document.activeElement.innerText || ''"):
+            break
+    page.keyboard.press("Enter")
+    page.get_by_role("progressbar").wait_for()
+    page.get_by_role("button", name="Cancel", exact=True).focus()
+    page.keyboard.press("Enter")
+    page.get_by_text("Cancelled.").wait_for()
+
+
+def test_a_narrow_screen_scrolls_only_down(visit):
+    page = visit()
+    page.set_viewport_size({"width": 390, "height": 800})
+    assert page.evaluate(NARROW)
+    page.goto(page.url + "recording?at=second")
+    page.get_by_text("More settings").click()
+    page.get_by_label("Min confidence").wait_for()
+    assert page.evaluate(NARROW)
+
+
+def test_files_are_brought_into_an_empty_folder(visit, root):
+    page = visit("/recording?at=empty")
+    page.get_by_text("no videos and no keypoints").wait_for()
+    page.locator("input[type=file]").first.set_input_files(root / "walk/Calib.toml")
+    page.get_by_text("1 files are in the folder.").wait_for()
+    assert (root / "empty/Calib.toml").read_bytes() == (root / "walk/Calib.toml").read_bytes()
+
+
+def ask(server, method, path, host=None, **headers):
+    """Ask the server as no browser would; return the status."""
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=30)
+    given = {"Cookie": server.cookie, "Host": host or f"127.0.0.1:{server.port}", **headers}
+    connection.request(method, path, body=b"x" if method == "PUT" else None, headers=given)
+    answer = connection.getresponse()
+    answer.read()
+    connection.close()
+    return answer.status
+
+
+def test_only_this_machine_and_only_our_own_page_are_answered(server):
+    assert ask(server, "GET", "/") == 200
+    assert ask(server, "GET", "/", Cookie="") == 403
+    assert ask(server, "GET", "/", host="evil.example") == 403
+    assert ask(server, "PUT", "/bring?name=x.csv", Origin="http://evil.example") == 403
+    upgrade = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
+    upgrade["Sec-WebSocket-Key"] = "dGhlIHNhbXBsZSBub25jZQ=="
+    socket_path = "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"
+    assert ask(server, "GET", socket_path, Origin="http://evil.example", **upgrade) == 403
+    with pytest.raises(OSError, match="refused"):
+        socket.create_connection(("127.0.0.2", server.port), timeout=5)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/run/outside.txt?folder=..",
+        "/run/../outside.txt?folder=walk/out",
+        "/run/..%2F..%2Foutside.txt?folder=walk/out",
+        "/run/Calib.toml?folder=walk",
+        "/zip?folder=..",
+    ],
+)
+def test_nothing_else_is_handed_out(server, path):
+    assert ask(server, "GET", path) in (400, 404)
+
+
+@pytest.mark.parametrize("name", ["..%2Fx.csv", "%2E%2E%2F%2E%2E%2Fx.csv", ".profile", "Calib.toml"])
+def test_nothing_is_written_elsewhere_or_over_a_file(server, root, name):
+    before = sorted(root.parent.rglob("*"))
+    assert ask(server, "PUT", f"/bring?folder=walk&name={name}") in (400, 409)
+    assert ask(server, "PUT", "/bring?folder=..&name=x.csv") == 400
+    assert sorted(root.parent.rglob("*")) == before

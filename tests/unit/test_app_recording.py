@@ -1,0 +1,98 @@
+"""From settings to commands and to Python, and back from an earlier run."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import replace
+
+import pytest
+
+import skelsplat as sk
+from skelsplat._budget import read_toml
+from skelsplat.app.places import Place
+from skelsplat.app.recording import OPTIONS, Recording
+from skelsplat.cli.batch import job_of, sessions_of
+from skelsplat.cli.rows import texts_in, texts_of, typed
+from skelsplat.exceptions import InvalidInputError
+from skelsplat.run import Job
+from skelsplat.run.compared import compared, findings_of, open_run
+from skelsplat.run.found import Found
+
+ROWS = OPTIONS["refine"]
+GIVEN = {"unit": "m", "fps": "60", "offsets": ["cam1=-2"], "adjust_cameras": True, "write": "trc,bvh"}
+WORDS = ["--unit", "m", "--offset", "cam1=-2", "--adjust-cameras", "--fps", "60", "--write", "trc,bvh"]
+
+
+@pytest.fixture
+def recording(tmp_path):
+    (tmp_path / "walk").mkdir()
+    made = Recording(Place(tmp_path.resolve()), tmp_path.resolve() / "walk")
+    made.found = Found(made.folder, calibration="Calib.toml", detections="pose")
+    return made
+
+
+def test_settings_are_typed_as_on_the_command_line_and_read_back():
+    assert typed(ROWS, GIVEN) == WORDS
+    assert texts_in(ROWS, WORDS) == GIVEN
+    job = job_of(["Calib.toml", "pose", "-o", "out", *WORDS])
+    assert (job.fps, job.offsets, job.write) == (60.0, {"cam1": -2}, ("trc", "bvh"))
+    assert texts_of(ROWS, vars(job)) == GIVEN
+
+
+def test_a_command_of_a_recording(recording):
+    recording.given["refine"] = dict(GIVEN)
+    assert recording.words("refine") == ["refine", "Calib.toml", "pose", "-o", "out", *WORDS]
+    assert recording.words("calibrate")[:4] == ["calibrate", "pose", "-o", "Calib-from-people.toml"]
+    assert recording.words("calibrate")[-2:] == ["--fps", "60"]
+    assert shlex.join(["skelsplat", *recording.words("refine")]) in recording.lines()
+
+
+def test_a_path_that_leads_out_is_refused(recording):
+    recording.given["refine"] = {"init": "../../pose.npz"}
+    with pytest.raises(InvalidInputError, match=r"^folder: expected one in"):
+        recording.words("refine")
+
+
+def test_a_setting_that_is_wrong_is_named(recording):
+    recording.given["refine"] = {"fps": "fast"}
+    with pytest.raises(InvalidInputError, match="--fps"):
+        recording.python()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"people": "all", "fps": 30.0, "without": ("cam2",), "mapping": {"nose": None}},
+        {"config": sk.RefineConfig.paper(max_steps=7)},
+        {"config": sk.RefineConfig(bones="free")},
+    ],
+)
+def test_the_lines_of_python_make_the_same_job(options):
+    job = Job("Calib.toml", "pose", unit="m", output="out", **options)
+    call = job.python.partition("found = ")[2].partition("\n")[0]
+    made = eval(call.partition("(")[2][:-1], {"Job": Job, "sk": sk})
+    assert call.startswith("run_people(" if job.people else "run(")
+    assert replace(made, config=None) == replace(job, config=None)
+    assert made.settings == job.settings
+
+
+def test_a_file_of_sessions_has_what_all_share(tmp_path):
+    path = tmp_path / "sessions.toml"
+    path.write_text(sessions_of({'a "b"': ("Calib.toml", "pose", "out")}, GIVEN), encoding="utf-8")
+    document = read_toml(path)
+    assert document["defaults"]["adjust-cameras"] is True
+    assert document["defaults"]["offset"] == ["cam1=-2"]
+    assert document["session"][0]["detections"] == 'a "b"/pose'
+
+
+def test_an_earlier_run_gives_its_settings_and_is_compared(run_folder):
+    made = Recording(Place(run_folder.parent.resolve()), run_folder.parent.resolve()).look()
+    assert made.given["refine"] == {"unit": "mm", "layout": "h36m17", "fps": "50", "write": "csv"}
+    earlier = open_run(run_folder)
+    assert earlier is not None
+    assert findings_of(earlier) == [("", one) for one in earlier.findings]
+    rows = {name: (before, after) for name, before, after in compared(earlier, earlier)}
+    assert all(before == after for before, after in rows.values())
+    assert {"warnings", "median reprojection error"} <= {*rows}
+    assert open_run(run_folder.parent) is None
