@@ -33,6 +33,9 @@ def test_a_camera_that_repeats_an_image_is_left_out_there_and_said(stuck):
         result = sk.refine_sequence(seen, RIG, fps=30, layout="h36m17")
     assert np.nanmean(np.linalg.norm(result.pose - truth, axis=-1)[PART]) < 25
     assert not np.isfinite(result.view_weights[PART, 1]).any()
+    with pytest.warns(FindingWarning, match="repeat one image while others move"):
+        (person,) = sk.track(seen[:, :, None], RIG, fps=30, layout="h36m17")
+    assert (person.slots[PART, 1] == -1).all()
     (finding,) = [one for one in check_rig(RIG, seen).findings if one.kind == "camera_frozen"]
     assert (finding.subject.cameras, finding.numbers["frames"]) == ((RIG.names[1],), [39])
 
