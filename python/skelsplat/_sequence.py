@@ -126,7 +126,8 @@ def refine_batches(
 
     Without ``fps`` the frames are refined as by `refine`, with ``fps`` in time, as by `refine_sequence`. The
     k-th result is that of the k-th chunk, with the bits of one call with the whole recording, except for
-    ``bone_length_sigma``, which is that of the part solved with the chunk.
+    ``bone_length_sigma``, which is that of the part solved with the chunk. Images that a camera repeats are
+    not looked for.
 
     Parameters
     ----------
