@@ -8,7 +8,7 @@ import numpy as np
 
 from skelsplat._arrays import Array, Index, Mask
 from skelsplat._words import listed
-from skelsplat.findings import Finding, Remedy, Subject
+from skelsplat.findings import Finding, Remedy, Subject, warn
 
 # Frames that are doubled where videos are brought to another frame rate repeat once or twice; noise differs
 # in the last digits of every new image.
@@ -44,6 +44,15 @@ def without_frozen(detections: Array, repeated: Mask) -> Array:
     shape = (*repeated.shape, *(1,) * (detections.ndim - 2))
     cleared: Array = np.where(repeated.reshape(shape), np.nan, detections)
     return cleared
+
+
+def of_new_images(detections: Array, names: Sequence[str]) -> Array:
+    """Return the detections (T, M, …) `without_frozen`, with a warning of the cameras that repeat images."""
+    repeated = frozen(detections)
+    stopped = frozen_finding(names, repeated)
+    if stopped is not None:
+        warn(stopped)
+    return without_frozen(detections, repeated)
 
 
 def frozen_finding(names: Sequence[str], repeated: Mask, frames: Index | None = None) -> Finding | None:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from skelsplat import _skelsplat
 from skelsplat._arrays import Array, Index, numbers, positive, take_people
+from skelsplat._frozen import of_new_images
 from skelsplat._refine import Cameras, Progress, Refinement, refinement_fields, reporter, warn_of_size
 from skelsplat._sequence import SequenceRefinement
 from skelsplat._skelsplat import Layout, RefineConfig
@@ -98,12 +99,14 @@ def track(
     Warns
     -----
     UserWarning
-        As ``refine``; if views detect people but nobody is found, too many people are in a frame to compare
-        all, or left and right limbs differ in length as with a wrong layout.
+        As ``refine_sequence``; if views detect people but nobody is found, too many people are in a frame to
+        compare all, or left and right limbs differ in length as with a wrong layout.
     """
     positive("fps", fps)
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
+    names = [getattr(one, "name", None) or f"camera {k}" for k, one in enumerate(cameras)]
     frames = _frames(people, cameras)
+    frames = of_new_images(frames, names) if frames.ndim == 5 else frames
     with reporter(progress) as report:
         found, cut, shared, alone = _skelsplat.track_people(
             prepared, layout, frames, float(fps), max_people=_count(max_people), progress=report
@@ -116,7 +119,6 @@ def track(
         warn(nobody_found(in_vain))
     if cut:
         warn(people_uncompared(cut, most_people(frames)))
-    names = [getattr(one, "name", None) or f"camera {k}" for k, one in enumerate(cameras)]
     for contradiction in _find_contradictions(names, shared, alone):
         warn(contradiction)
     limbs = _unequal_limbs(everybody, cameras, layout)
@@ -140,7 +142,7 @@ def _find_contradictions(names: Sequence[str], shared: Index, alone: Index) -> I
     part = differ / np.maximum(differ + shared, _LEAST_FRAMES)
     half = (len(part) - 1) / 2
     named = np.flatnonzero((part < _AGREE).sum(axis=1) - 1 <= half)  # a camera agrees with itself
-    if (part >= _CONTRARY).sum(axis=1).max(initial=0) <= half:
+    if (part >= _CONTRARY).sum(axis=1).max(initial=0) <= max(half, 0):  # no cameras without frames
         return
     cameras = tuple(names[int(i)] for i in named)
     shares = [float(differ[i].sum() / (differ[i] + shared[i]).sum()) for i in named]

@@ -121,8 +121,9 @@ def adjust_cameras(
 
     Bundle adjustment of cameras and joints, with the robust kernel of ``refine``. A camera stays exactly
     where it is unless the detections show that it is elsewhere; the sound ones, more than half, hold the
-    world's frame and scale. Clocks are measured first, by motion, up to 30 frames. docs/method.md has the
-    mathematics.
+    world's frame and scale. Clocks are measured first, by motion, up to 30 frames. Exchanged files, other
+    images or a wrong unit look like cameras far off: ``skelsplat check-cameras`` names them, and the command
+    stops there. docs/method.md has the mathematics.
 
     Parameters
     ----------

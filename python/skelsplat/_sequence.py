@@ -13,11 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from skelsplat import _skelsplat
 from skelsplat._arrays import Array, Index, numbers, positive
-from skelsplat._frozen import frozen, frozen_finding, without_frozen
+from skelsplat._frozen import of_new_images
 from skelsplat._refine import Cameras, Progress, Refinement, refinement_fields, reporter, warn_of_size
 from skelsplat._skelsplat import Layout, RefineConfig
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.findings import warn
 
 # Frames per chunk of an array: several windows in time at any usual rate, and some 100 MB of results.
 PER_CHUNK = 10_000
@@ -81,12 +80,7 @@ def refine_sequence(
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
     seen = numbers(detections, "detections")
     if seen.ndim == 4 and seen.shape[1] == len(cameras):
-        repeated = frozen(seen)
-        names = [camera.name or f"camera {i}" for i, camera in enumerate(cameras)]
-        stopped = frozen_finding(names, repeated)
-        if stopped is not None:
-            warn(stopped)
-            seen = without_frozen(seen, repeated)
+        seen = of_new_images(seen, [camera.name or f"camera {i}" for i, camera in enumerate(cameras)])
     with reporter(progress) as report:
         out = prepared.refine_sequence(init_pose, seen, float(fps), confidence=confidence, progress=report)
     warn_of_size(out["pose"], cameras, layout)
@@ -132,7 +126,8 @@ def refine_batches(
 
     Without ``fps`` the frames are refined as by `refine`, with ``fps`` in time, as by `refine_sequence`. The
     k-th result is that of the k-th chunk, with the bits of one call with the whole recording, except for
-    ``bone_length_sigma``, which is that of the part solved with the chunk.
+    ``bone_length_sigma``, which is that of the part solved with the chunk. Images that a camera repeats are
+    not looked for.
 
     Parameters
     ----------

@@ -145,6 +145,12 @@ def test_a_plain_sequence_of_cameras_is_in_mm(detections) -> None:
     assert all(np.isnan(one.clock_sigma) for one in found.report)
 
 
+def test_two_cameras_that_see_tell_nothing_of_each_other(detections) -> None:
+    blind = detections.copy()
+    blind[:, 2:] = np.nan
+    assert {one.status for one in sk.adjust_cameras(blind, RIG).report} == {"unseen"}
+
+
 @pytest.mark.parametrize("free", [["side"], [4], [-1], [0, 1, 2, 3]])
 def test_a_wrong_choice_of_cameras_is_named(detections, free) -> None:
     with pytest.raises(InvalidInputError) as caught:

@@ -103,6 +103,16 @@ def test_cameras_without_detections_are_named():
     assert (nobody.kind, nobody.severity) == ("no_detections", "error")
 
 
+@pytest.mark.parametrize("degrees", [0.0, 2.0])
+def test_two_cameras_that_see_are_checked_as_two(degrees):
+    found = detections("room").copy()
+    found[:, 2:] = np.nan
+    report = check_rig(turned(rig("room"), 1, degrees, (1, 0, 0)), found, layout=LAYOUT)
+    kinds = ["camera_disagrees"] * (degrees > 0) + ["no_detections"] * 2
+    assert sorted(finding.kind for finding in report.findings) == kinds
+    assert [row.name for row in report.cameras] == ["cam1", "cam2"]
+
+
 @pytest.mark.parametrize("name", ["room", "dome of 3", "pair"])
 def test_detections_that_are_copied_are_no_camera_that_was_moved(name):
     found = detections(name).copy()
@@ -190,6 +200,9 @@ def test_a_camera_that_repeats_an_image_is_left_out_there_and_said(stuck):
         result = sk.refine_sequence(seen, RIG, fps=30, layout="h36m17")
     assert np.nanmean(np.linalg.norm(result.pose - truth, axis=-1)[PART]) < 25
     assert not np.isfinite(result.view_weights[PART, 1]).any()
+    with pytest.warns(FindingWarning, match="repeat one image while others move"):
+        (person,) = sk.track(seen[:, :, None], RIG, fps=30, layout="h36m17")
+    assert (person.slots[PART, 1] == -1).all()
     (finding,) = [one for one in check_rig(RIG, seen).findings if one.kind == "camera_frozen"]
     assert (finding.subject.cameras, finding.numbers["frames"]) == ((RIG.names[1],), [39])
 

@@ -118,8 +118,8 @@ def test_fifty_ghosts_per_view_are_nobody(three, tracked) -> None:
 
 @pytest.mark.parametrize(
     "people",
-    [np.empty((5, 4, 0, 17, 3)), np.full((5, 4, 2, 17, 3), np.nan), [[[], [], [], []]] * 3],
-    ids=["P of 0", "empty slots", "empty lists"],
+    [np.empty((5, 4, 0, 17, 3)), np.full((5, 4, 2, 17, 3), np.nan), [[[], [], [], []]] * 3, []],
+    ids=["P of 0", "empty slots", "empty lists", "no frames"],
 )
 def test_nobody_there_is_an_empty_list(three, people) -> None:
     assert sk.track(people, three.cameras, fps=FPS, layout=three.layout) == []

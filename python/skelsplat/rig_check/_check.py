@@ -6,6 +6,7 @@ Geometry is what a calibration shows by itself: lenses, places and directions th
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from hashlib import sha256
 from itertools import combinations
 
@@ -17,6 +18,7 @@ from skelsplat._arrays import Array, Index, median, numbers, whole_numbers
 from skelsplat._frozen import frozen, frozen_finding, without_frozen
 from skelsplat._words import listed, percent
 from skelsplat.association import checked_people
+from skelsplat.cameras import altered
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, Subject
 from skelsplat.rig_check._causes import ONCE, explain
@@ -91,8 +93,12 @@ def check_rig(
     same = list(same_detections(rig.names, everyone))
     if same:  # what the cameras' places would explain is chance then
         return RigReport((*same, *findings))
-    everyone = without_frozen(everyone, repeated)
-    return with_remedies(_with_detections(rig, everyone, counts, shape, findings), read_as or ReadAs())
+    everyone, files = without_frozen(everyone, repeated), read_as or ReadAs()
+    seeing = np.flatnonzero(np.isfinite(everyone[..., :2]).any(axis=(0, 2, 3, 4)))
+    if len(seeing) == 2 < len(rig):  # no third one tells which is wrong then
+        rig = rig.of([altered(rig[int(i)], name=rig.names[i]) for i in seeing])
+        everyone, files = everyone[:, seeing], replace(files, labels=())
+    return with_remedies(_with_detections(rig, everyone, counts, shape, findings), files)
 
 
 def _with_detections(

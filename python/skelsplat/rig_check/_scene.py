@@ -89,9 +89,10 @@ class Scene:
     def distances(self, view: int, points: Array, shift: int | None = None) -> Array:
         """Distances (J, N) of a camera's detections from projected points (J, N, 3), px."""
         pixels = np.asarray(sk.project(points, [self.cameras[view]]))[0]
-        offset: Array = np.linalg.norm(self.seen(view, shift) - pixels, axis=-1)
-        # a point behind the camera is as wrong as can be
-        behind = np.isnan(pixels[..., 0]) & np.isfinite(points[..., 0])
+        seen = self.seen(view, shift)
+        offset: Array = np.linalg.norm(seen - pixels, axis=-1)
+        # a point behind the camera that the camera sees is as wrong as can be
+        behind = np.isnan(pixels[..., 0]) & np.isfinite(points[..., 0]) & np.isfinite(seen[..., 0])
         return np.where(behind, np.hypot(*self.cameras[view].size), offset)
 
     @property

@@ -48,9 +48,11 @@ def find_people(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:
 def _others(inputs: Inputs, crowd: Crowd) -> Finding:
     place, words = _place(inputs), f"{crowd.visible} people are visible in about the same number of views in "
     where = f" (the one at {place[0]} in frame {place[1]})" if place else ""
-    words += f"{percent(crowd.together)} of the frames. Check that the right one is followed{where}: a "
-    words += "number, the size, the motion or a place chooses another." if inputs.fps is not None else " To "
-    words += "refine everybody, the frame rate must be known."
+    words += f"{percent(crowd.together)} of the frames. Check that the right one is followed{where}"
+    if inputs.fps is not None:
+        words += ": a number, the size, the motion or a place chooses another."
+    else:
+        words += ". To refine everybody, the frame rate must be known."
     numbers = {"people": crowd.visible, "share_of_frames": crowd.together, "followed": place}
     return Finding(
         "people_visible", "warning", Subject(), numbers, (Remedy("people", "all"),), sentence=words

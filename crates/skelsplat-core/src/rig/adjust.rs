@@ -351,10 +351,11 @@ impl Task<'_> {
         }
         let change = now(&found.rig);
         let freedom = found.rig.freedom[i];
+        let seeing = (0..self.given.len()).filter(|k| !self.is_unseen(*k)).count();
         let status = match freedom.any() {
             true if freedom == Freedom::CLOCK => CameraStatus::Late,
             true => CameraStatus::Adjusted,
-            false if self.given.len() == 2 || self.is_unseen(i) => CameraStatus::Unseen,
+            false if seeing < 3 || self.is_unseen(i) => CameraStatus::Unseen,
             false => CameraStatus::Sound,
         };
         (change, bars[i], status)
