@@ -43,6 +43,11 @@ def test_plot_without_viz_fails_with_the_pip_line(finished_run):
     assert not (finished_run / "plots").exists()
 
 
+def test_the_page_without_its_extra_fails_with_the_pip_line(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "nicegui", None)
+    assert_fails(invoke("app", tmp_path), 1, "skelsplat app: ", "pip install 'skelsplat[app]'")
+
+
 def test_every_extra_that_a_message_names_exists_and_is_part_of_all():
     root = Path(__file__).parents[2]
     project = (root / "pyproject.toml").read_text(encoding="utf-8")

@@ -9,8 +9,8 @@ from skelsplat.cli.command import takes
 from skelsplat.cli.rows import rows
 
 _EPILOG = (
-    "The address that is printed has a key in it: without it, nobody on this machine can use the page, nor "
-    "can a page of another site. It works offline. Ctrl-C ends it, and what it is doing."
+    "The printed address has a key in it: without it, nobody on this machine can use the page, and no other "
+    "site can. Ctrl-C ends it, and what it is doing."
 )
 _OPTIONS = rows(
     """

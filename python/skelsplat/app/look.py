@@ -20,13 +20,12 @@ from skelsplat.run.folder import PAGE
 
 _FEW = 4  # findings that are shown at once
 _PAUSED = "Where the video is paused, the report shows the same frame."
-Press = Callable[..., Awaitable[None]]
 
 
 class ResultParts:
     """What is to be looked at, and to be taken away."""
 
-    def __init__(self, recording: Recording, press: Press) -> None:
+    def __init__(self, recording: Recording, press: Callable[..., Awaitable[None]]) -> None:
         self.recording, self.press = recording, press
 
     def address(self, name: str, **more: str) -> str:
@@ -91,12 +90,8 @@ class ResultParts:
         head(f"With {what}: before and after")
         table(("", "Before", "After"), compared(before, result))
 
-        async def keep() -> None:
-            self.recording.before = None
-            await self.press(lambda: None)
-
         with ui.element("div").classes("s-row"):
-            button("Keep it", keep, first=True)
+            button("Keep it", lambda: self.press(self.recording.keep), first=True)
             button("Go back", lambda: self.press(self.recording.go_back))
 
     def _pictures(self, result: AnyRun) -> None:

@@ -129,6 +129,10 @@ class Recording:
         put(settings, row.name, text)
         self.start("refine")
 
+    def keep(self) -> None:
+        """Keep the result of a remedy."""
+        self.before = None
+
     def go_back(self) -> None:
         """Refine with the settings before a remedy."""
         if self.before is not None:

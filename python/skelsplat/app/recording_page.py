@@ -53,14 +53,12 @@ class RecordingPage:
         self.result.take()
         self.words()
         ui.on("brought", lambda: self.press(self.recording.look))
-        ui.timer(_EVERY_S, self._tick)
+        ui.timer(_EVERY_S, lambda: self.refresh(self.recording.version != self.seen))
 
-    def _tick(self) -> None:
-        if self.recording.version != self.seen:
-            self.refresh()
-
-    def refresh(self) -> None:
+    def refresh(self, changed: bool = True) -> None:
         """Show everything anew; the form only if others changed it, since it has the keyboard."""
+        if not changed:
+            return
         self.seen = self.recording.version
         shown: list[Any] = [self.bring, self.action, self.result.look, self.result.take, self.words]
         if self.given != self.recording.given["refine"] or self.shown == self.recording.found.empty:
