@@ -106,8 +106,8 @@ class ResultParts:
             if videos:
                 self._videos(result, videos)
         with ui.element("div").classes("s-row"):
-            if has_page:
-                ui.link("Open the report in a tab of its own", self.address(PAGE), new_tab=True)
+            for name in (name for name, *_ in files_of(folder) if name.endswith(PAGE)):
+                ui.link(f"Open {name} alone", self.address(name), new_tab=True)
             draw = "Draw it on the videos" if self.recording.found.videos else "Draw what each camera sees"
             start = button(draw, lambda: self.press(self.recording.start, "overlay"))
             start.set_enabled(not self.recording.running)
