@@ -9,12 +9,12 @@ import counts
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 39_283,
+    "package": 39_281,
     "cli": 3_661,
     "core": 19_358,
     "binding": 2_750,
     "Rust tests": 6_257,
-    "Python tests": 28_830,
+    "Python tests": 28_831,
     "benchmarks and tools": 4_511,
     "docs, words": 42_534,
     "README, words": 1_462,

@@ -126,10 +126,7 @@ class _Together:
             progress(work, work.cancel, self.action.refresh)
             if work.state == DONE:
                 rows = [row for one in work.document["recordings"] for row in one["rows"]]
-                error = [row["median_error_px"] and f"{row['median_error_px']:.1f} px" for row in rows]
-                told = [row["error"] or row["findings"] for row in rows]
-                names = [(row["recording"], row["frames"]) for row in rows]
-                cells = [(*name, *more) for name, *more in zip(names, error, told, strict=True)]
-                table(("Recording", "Frames", "Error", "Findings"), cells)
+                names = ("recording", "status", "frames", "findings", "error")
+                table([name.capitalize() for name in names], [[row[name] for name in names] for row in rows])
         start = button("Refine the chosen recordings", self._start, first=True).classes("self-start")
         start.set_enabled(work is None or work.state != "running")

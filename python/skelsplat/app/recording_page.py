@@ -14,7 +14,6 @@ from skelsplat.app.forms import Form
 from skelsplat.app.look import ResultParts
 from skelsplat.app.parts import attempt, button, code, facts, html, note, progress, section, table
 from skelsplat.app.recording import OPTIONS, Recording, put
-from skelsplat.exceptions import SkelSplatError
 from skelsplat.run.found import Lack
 
 _EVERY_S = 0.3
@@ -156,9 +155,5 @@ class RecordingPage:
             return
         with section("Without this page"):
             ui.label("What was done, and what the button does, as commands and in Python:").classes("s-dim")
-            code(recording.lines(), name="the commands")
-            if recording.found.ready:
-                try:
-                    code(recording.python(), name="the Python lines")
-                except SkelSplatError as error:
-                    note("error", str(error))
+            for name, text in recording.lines().items():
+                code(text, name)
