@@ -44,7 +44,8 @@ def test_a_command_of_a_recording(recording):
     assert recording.words("refine") == ["refine", "Calib.toml", "pose", "-o", "out", *WORDS]
     assert recording.words("calibrate")[:4] == ["calibrate", "pose", "-o", "Calib-from-people.toml"]
     assert recording.words("calibrate")[-2:] == ["--fps", "60"]
-    assert shlex.join(["skelsplat", *recording.words("refine")]) in recording.lines()
+    assert shlex.join(["skelsplat", *recording.words("refine")]) in recording.lines()["the commands"]
+    assert "fps=60.0" in recording.lines()["the Python lines"]
 
 
 def test_a_path_that_leads_out_is_refused(recording):
@@ -55,8 +56,9 @@ def test_a_path_that_leads_out_is_refused(recording):
 
 def test_a_setting_that_is_wrong_is_named(recording):
     recording.given["refine"] = {"fps": "fast"}
+    assert "# --fps: " in recording.lines()["the commands"]
     with pytest.raises(InvalidInputError, match="--fps"):
-        recording.python()
+        recording.look()
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,9 @@ SAYS = "sys.stderr.write('one\\ntwo\\n'); print(sys.stdin.read(), sys.argv[1:])"
 WAITS = """
 import signal, time
 signal.signal(signal.SIGINT, signal.default_int_handler)
-sys.stderr.write('ready\\n'); sys.stderr.flush()
-try: time.sleep(60)
+try:
+    sys.stderr.write('ready\\n'); sys.stderr.flush()
+    time.sleep(60)
 except KeyboardInterrupt: print('whole'); sys.exit(130)
 """
 

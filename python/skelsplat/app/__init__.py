@@ -1,5 +1,4 @@
-"""``skelsplat app``: a local page in the browser for people who do not use a terminal.
+"""``skelsplat app`` (extra ``app``): a local page in the browser for people who do not use a terminal.
 
-The page fills in commands from the tables of `skelsplat.cli`, and a process of its own does each of them, so
-that what it shows to be copied is what it has done. Python that the page needs is in the extra ``app``.
+The page fills in commands of `skelsplat.cli`, and a process of its own does each.
 """

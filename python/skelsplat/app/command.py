@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import webbrowser
 from pathlib import Path
 
 from skelsplat._optional import check_installed
 from skelsplat.cli.command import takes
-from skelsplat.cli.rows import rows
+from skelsplat.cli.output import print_json, say
+from skelsplat.cli.rows import AS_JSON, QUIET, rows
 
 _EPILOG = (
-    "The address that is printed has a key in it: without it, nobody on this machine can use the page, nor "
-    "can a page of another site. It works offline. Ctrl-C ends it, and what it is doing."
+    "The printed address has a key in it: without it, nobody on this machine can use the page, and no other "
+    "site can. Ctrl-C ends it, and what it is doing."
 )
 _OPTIONS = rows(
     """
@@ -24,8 +26,8 @@ _OPTIONS = rows(
 )
 
 
-@takes(*_OPTIONS, epilog=_EPILOG)
-def app(*, folder: Path, port: int = 0, browser: bool) -> None:
+@takes(*_OPTIONS, QUIET, AS_JSON, epilog=_EPILOG)
+def app(*, folder: Path, port: int = 0, browser: bool, quiet: bool, as_json: bool) -> None:
     """Open a page in the browser that does all of this, for people without a terminal.
 
     It lists what a folder holds and what is missing, detects, calibrates,
@@ -40,4 +42,12 @@ def app(*, folder: Path, port: int = 0, browser: bool) -> None:
     check_installed("nicegui", "skelsplat app", "app")
     from skelsplat.app.server import serve  # takes long to load
 
-    serve(folder, port, browser=browser)
+    def tell(address: str, root: Path) -> None:
+        if as_json:
+            print_json({"address": address, "folder": str(root)})
+        elif not quiet:
+            say(f"SkelSplat is open at {address}", f"for {root}. Ctrl-C ends it.")
+        if browser:
+            webbrowser.open(address)
+
+    serve(folder, port, tell)

@@ -20,13 +20,12 @@ from skelsplat.run.folder import PAGE
 
 _FEW = 4  # findings that are shown at once
 _PAUSED = "Where the video is paused, the report shows the same frame."
-Press = Callable[..., Awaitable[None]]
 
 
 class ResultParts:
     """What is to be looked at, and to be taken away."""
 
-    def __init__(self, recording: Recording, press: Press) -> None:
+    def __init__(self, recording: Recording, press: Callable[..., Awaitable[None]]) -> None:
         self.recording, self.press = recording, press
 
     def address(self, name: str, **more: str) -> str:
@@ -91,12 +90,8 @@ class ResultParts:
         head(f"With {what}: before and after")
         table(("", "Before", "After"), compared(before, result))
 
-        async def keep() -> None:
-            self.recording.before = None
-            await self.press(lambda: None)
-
         with ui.element("div").classes("s-row"):
-            button("Keep it", keep, first=True)
+            button("Keep it", lambda: self.press(self.recording.keep), first=True)
             button("Go back", lambda: self.press(self.recording.go_back))
 
     def _pictures(self, result: AnyRun) -> None:
@@ -111,8 +106,8 @@ class ResultParts:
             if videos:
                 self._videos(result, videos)
         with ui.element("div").classes("s-row"):
-            if has_page:
-                ui.link("Open the report in a tab of its own", self.address(PAGE), new_tab=True)
+            for name in (name for name, *_ in files_of(folder) if name.endswith(PAGE)):
+                ui.link(f"Open {name} alone", self.address(name), new_tab=True)
             draw = "Draw it on the videos" if self.recording.found.videos else "Draw what each camera sees"
             start = button(draw, lambda: self.press(self.recording.start, "overlay"))
             start.set_enabled(not self.recording.running)

@@ -77,7 +77,8 @@ async def _folder(recordings: Recordings, folder: Path) -> None:
         ui.label(_WHAT).classes("s-dim")
         here = address("/recording", at=place.relative(folder))
         button("Use this folder", lambda: ui.navigate.to(here), first=True).classes("self-start")
-        _typed(place, folder)
+        path = ui.input("Path of the folder", value=str(folder)).props("outlined dense").classes("w-full")
+        path.on("keydown.enter", lambda: ui.navigate.to(address("/", at=path.value or "")))
         with ui.element("div").classes("s-folders"):
             for one in folders:
                 with ui.element("div").classes("s-folder"):
@@ -91,38 +92,18 @@ async def _folder(recordings: Recordings, folder: Path) -> None:
             _Together(recordings, folder, inside or []).show()
 
 
-def _typed(place: Place, folder: Path) -> None:
-    """Show the path, where another can be typed."""
-
-    def go() -> None:
-        try:
-            ui.navigate.to(address("/", at=place.relative(place.folder(path.value or "", folder))))
-        except SkelSplatError as error:
-            path.props(remove="error").validate()
-            path.error = str(error)
-
-    path = ui.input("Path of the folder", value=str(folder)).props("outlined dense").classes("w-full")
-    path.on("keydown.enter", go)
-
-
 class _Together:
     """How several recordings in a folder are refined together."""
 
     def __init__(self, recordings: Recordings, folder: Path, inside: list[Path]) -> None:
         self.recordings, self.folder = recordings, folder
-        self.chosen = dict.fromkeys(inside, True)
-        self.problem = ""
+        self.inside, self.problem = inside, ""
 
     def show(self) -> None:
         """Show which, their settings, and what is being done."""
         ui.label(_TOGETHER).classes("s-dim")
         with ui.element("div").classes("s-row"):
-            for one in self.chosen:
-                ui.checkbox(
-                    one.name,
-                    value=True,
-                    on_change=lambda event, one=one: self.chosen.update({one: event.value}),
-                )
+            self.boxes = [ui.checkbox(one.name, value=True) for one in self.inside]
         given = self.recordings.given.setdefault(self.folder, {})
         with ui.expansion("Settings").classes("w-full"):
             form = Form({"refine": given}, lambda _, name, value: put(given, name, value))
@@ -131,7 +112,7 @@ class _Together:
         self.action()
 
     async def _start(self) -> None:
-        chosen = [one for one, on in self.chosen.items() if on]
+        chosen = [one for one, box in zip(self.inside, self.boxes, strict=True) if box.value]
         self.problem = await attempt(self.recordings.batch, self.folder, chosen)
         self.action.refresh()
 
@@ -145,10 +126,7 @@ class _Together:
             progress(work, work.cancel, self.action.refresh)
             if work.state == DONE:
                 rows = [row for one in work.document["recordings"] for row in one["rows"]]
-                error = [row["median_error_px"] and f"{row['median_error_px']:.1f} px" for row in rows]
-                told = [row["error"] or row["findings"] for row in rows]
-                names = [(row["recording"], row["frames"]) for row in rows]
-                cells = [(*name, *more) for name, *more in zip(names, error, told, strict=True)]
-                table(("Recording", "Frames", "Error", "Findings"), cells)
+                names = ("recording", "status", "frames", "findings", "error")
+                table([name.capitalize() for name in names], [[row[name] for name in names] for row in rows])
         start = button("Refine the chosen recordings", self._start, first=True).classes("self-start")
         start.set_enabled(work is None or work.state != "running")

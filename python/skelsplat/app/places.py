@@ -18,15 +18,14 @@ class Place:
 
     root: Path
 
-    def inside(self, path: str | Path, base: Path | None = None) -> Path:
+    def inside(self, path: str, base: Path | None = None) -> Path:
         """Return a path from a folder here, with links followed; `InvalidInputError` if it is outside."""
-        text = str(path)
-        if "\0" in text:
-            raise InvalidInputError(f"folder: expected a path, got {text!r}")
-        found = ((base or self.root) / text).resolve()
+        if "\0" in path:
+            raise InvalidInputError(f"folder: expected a path, got {path!r}")
+        found = ((base or self.root) / path).resolve()
         if found != self.root and self.root not in found.parents:
             way = "start skelsplat app with a folder that has it"
-            raise InvalidInputError(f"folder: expected one in {self.root} ({way}), got {text}")
+            raise InvalidInputError(f"folder: expected one in {self.root} ({way}), got {path}")
         return found
 
     def folder(self, path: str, base: Path | None = None) -> Path:

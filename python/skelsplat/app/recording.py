@@ -83,18 +83,17 @@ class Recording:
         }
         return [command, *files[command], *typed(OPTIONS[command], given)]
 
-    def python(self) -> str:
-        """Return the lines of Python that refine; settings are checked as on the command line."""
-        return job_of(self.words("refine")[1:]).python
-
-    def lines(self) -> str:
-        """Return the commands that were done, and that which refines, as they are typed."""
+    def lines(self) -> dict[str, str]:
+        """Return the commands that were done and that which refines, and Python that does; by name."""
+        typed_so_far = [f"cd {shlex.quote(str(self.folder))}", *self.done]
         try:
-            last = shlex.join(["skelsplat", *self.words("refine")])
+            words = self.words("refine") if self.found.detections else []
+            last = [shlex.join(["skelsplat", *words])] if words else []
+            python = job_of(words[1:]).python if self.found.ready else ""
         except SkelSplatError as error:
-            last = f"# {error}"
-        ready = [last] if self.found.detections else []
-        return "\n".join(dict.fromkeys([f"cd {shlex.quote(str(self.folder))}", *self.done, *ready]))
+            last, python = [f"# {error}"], ""
+        found = {"the commands": "\n".join(dict.fromkeys([*typed_so_far, *last])), "the Python lines": python}
+        return {name: text for name, text in found.items() if text}
 
     def start(self, command: str) -> None:
         """Start a command."""
@@ -128,6 +127,10 @@ class Recording:
         self.before = (self.result, " ".join(typed([row], {row.name: text})), dict(settings))
         put(settings, row.name, text)
         self.start("refine")
+
+    def keep(self) -> None:
+        """Keep the result of a remedy."""
+        self.before = None
 
     def go_back(self) -> None:
         """Refine with the settings before a remedy."""

@@ -14,7 +14,6 @@ from skelsplat.app.forms import Form
 from skelsplat.app.look import ResultParts
 from skelsplat.app.parts import attempt, button, code, facts, html, note, progress, section, table
 from skelsplat.app.recording import OPTIONS, Recording, put
-from skelsplat.exceptions import SkelSplatError
 from skelsplat.run.found import Lack
 
 _EVERY_S = 0.3
@@ -53,14 +52,12 @@ class RecordingPage:
         self.result.take()
         self.words()
         ui.on("brought", lambda: self.press(self.recording.look))
-        ui.timer(_EVERY_S, self._tick)
+        ui.timer(_EVERY_S, lambda: self.refresh(self.recording.version != self.seen))
 
-    def _tick(self) -> None:
-        if self.recording.version != self.seen:
-            self.refresh()
-
-    def refresh(self) -> None:
+    def refresh(self, changed: bool = True) -> None:
         """Show everything anew; the form only if others changed it, since it has the keyboard."""
+        if not changed:
+            return
         self.seen = self.recording.version
         shown: list[Any] = [self.bring, self.action, self.result.look, self.result.take, self.words]
         if self.given != self.recording.given["refine"] or self.shown == self.recording.found.empty:
@@ -158,9 +155,5 @@ class RecordingPage:
             return
         with section("Without this page"):
             ui.label("What was done, and what the button does, as commands and in Python:").classes("s-dim")
-            code(recording.lines(), name="the commands")
-            if recording.found.ready:
-                try:
-                    code(recording.python(), name="the Python lines")
-                except SkelSplatError as error:
-                    note("error", str(error))
+            for name, text in recording.lines().items():
+                code(text, name)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import socket
-import webbrowser
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -26,17 +26,14 @@ from skelsplat.run.files import files_of, zipped
 _ALONE = {"content-security-policy": "sandbox allow-scripts allow-downloads; frame-ancestors 'self'"}
 
 
-def serve(folder: Path, port: int = 0, *, browser: bool = True) -> None:
-    """Serve the page about a folder until Ctrl-C; print its address and open it."""
+def serve(folder: Path, port: int, tell: Callable[[str, Path], object]) -> None:
+    """Serve the page about a folder until Ctrl-C, and tell its address once it is open."""
     place = Place(folder.resolve())
     place.folder("")
     with socket.create_server((HOST, port)) as listener:
         recordings = Recordings(place)
         guard = Guard(_app(recordings), listener.getsockname()[1])
-        print(f"SkelSplat is open at {guard.address}", flush=True)
-        print(f"for {place.root}. Ctrl-C ends it.", flush=True)
-        if browser:
-            webbrowser.open(guard.address)
+        tell(guard.address, place.root)
         settings = uvicorn.Config(guard, log_level="error", lifespan="on", timeout_graceful_shutdown=2)
         try:
             uvicorn.Server(settings).run(sockets=[listener])
