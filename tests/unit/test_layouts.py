@@ -101,6 +101,7 @@ LIMB = 'joints = ["a", "b"]\nlimbs = [["a", "b"]]\n'
     [
         ('jonts = ["a"]', "jonts: expected one of name, .*, got an unknown key; did you mean joints?"),
         ('joints = "a"', "joints"),
+        ('joints = ["a", "a"]', r"joints\[1\]"),
         ('joints = ["a"]\nlimbs = [["a", "b"]]', "limbs"),
         ('joints = ["a"]\nhuman = 1', "human"),
         ('joints = ["a"]\nsymmetric = [3]', r"symmetric\[0\]"),

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -14,15 +11,13 @@ from skelsplat.run import Run
 
 
 @pytest.mark.drawn
-def test_detections_and_reprojections_are_in_the_same_pixels(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_detections_and_reprojections_are_in_the_same_pixels(tmp_path, monkeypatch):
     """Both are ideal ones: where detections are exact, they meet."""
     rig = synthetic.human36m_like(distortion=True)
     seen = sk.project(synthetic.motion("walk", 1, seed=3), rig).swapaxes(0, 1)
     config = sk.RefineConfig.paper(max_steps=20)
     result = sk.refine(None, seen, rig, layout="h36m17", config=config)
-    given: dict[str, Any] = {}
+    given = {}
     for name in ("write_overview", "write_weights"):
         monkeypatch.setattr(viz, name, lambda _, data, name=name, **__: given.update({name: data}))
     Run.from_arrays(result, rig, seen, "h36m17", config=config).write_figures(tmp_path)
