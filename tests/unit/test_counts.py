@@ -13,14 +13,14 @@ from planted import FAULTS
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 39_443,
+    "package": 39_433,
     "cli": 3_691,
-    "core": 19_436,
+    "core": 19_437,
     "binding": 2_750,
     "Rust tests": 5_996,
-    "Python tests": 27_711,
+    "Python tests": 27_728,
     "benchmarks and tools": 4_497,
-    "docs, words": 41_843,
+    "docs, words": 41_872,
     "README, words": 1_462,
 }
 
