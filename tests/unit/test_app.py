@@ -25,7 +25,7 @@ NARROW = "document.scrollingElement.scrollWidth <= 390"
 def root(tmp_path_factory, walk):
     """Give a folder with recordings: whole ones, one with a broken calibration, and an empty folder."""
     top = tmp_path_factory.mktemp("app") / "recordings"
-    for name in ("walk", "second", "third", "broken"):
+    for name in ("walk", "second", "third", "fourth", "broken"):
         (top / name).mkdir(parents=True)
         walk(top / name)
     (top / "broken" / "Calib.toml").write_text("[cam_0]\nmatrix = [[1, 2", encoding="utf-8")
@@ -91,11 +91,16 @@ def press(page, name):
     page.get_by_role("button", name=name, exact=True).click()
 
 
-def settle(page, layout="h36m17", fps="50 per second"):
+def type_enter(page, name):
+    page.get_by_role("button", name=name, exact=True).focus()
+    page.keyboard.press("Enter")
+
+
+def settle(page, press=press):
     """Answer what the files do not state."""
-    press(page, layout)
+    press(page, "h36m17")
     page.get_by_text("Choose the layout").wait_for(state="detached")
-    press(page, fps)
+    press(page, "50 per second")
     page.get_by_text("frame rate is not known").wait_for(state="detached")
 
 
@@ -147,16 +152,16 @@ def test_what_is_wrong_is_said_in_one_line_with_what_to_do(visit):
 
 def test_without_a_mouse(visit):
     page = visit()
-    page.get_by_role("link", name="third", exact=True).focus()
+    page.get_by_role("link", name="fourth", exact=True).focus()
     enter(page)
+    settle(page, type_enter)
     for _ in range(60):
         page.keyboard.press("Tab")
         if "Find the pose" in page.evaluate("document.activeElement.innerText || ''"):
             break
     page.keyboard.press("Enter")
     page.get_by_role("progressbar").wait_for()
-    page.get_by_role("button", name="Cancel", exact=True).focus()
-    page.keyboard.press("Enter")
+    type_enter(page, "Cancel")
     page.get_by_text("Cancelled.").wait_for()
 
 
