@@ -13,8 +13,8 @@ from planted import FAULTS
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 39_433,
-    "cli": 3_691,
+    "package": 39_430,
+    "cli": 3_688,
     "core": 19_437,
     "binding": 2_750,
     "Rust tests": 5_996,

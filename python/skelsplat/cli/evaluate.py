@@ -78,9 +78,6 @@ def evaluate(
 ) -> Answer:
     """Run methods on a data set with ground truth and print their errors with published ones.
 
-    A stopped evaluation continues when it is started again with the same
-    options; after changes of options or data it is computed again.
-
     [bold]Examples[/bold]
 
     skelsplat evaluate human36m data/h36m --detections cpn --protocol as-paper
