@@ -13,7 +13,7 @@ from planted import FAULTS
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 39_430,
+    "package": 39_431,
     "cli": 3_688,
     "core": 19_437,
     "binding": 2_750,

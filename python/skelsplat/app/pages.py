@@ -20,6 +20,7 @@ from skelsplat.io._run_files import is_run
 from skelsplat.run.found import holds_recording, output_of
 
 _HERE = Path(__file__).parent
+_PATIENCE_S = 120.0  # until a page is there: long recordings are looked at first
 _WHAT = (
     "It has one video per camera, or the keypoints that a detector has found in them, and a calibration if "
     "there is one. An empty folder will do, too: files can be dropped into it."
@@ -30,11 +31,11 @@ _TOGETHER = "All with the same settings, each with its own results. What has not
 def add_pages(recordings: Recordings) -> None:
     """Add the page of a folder and that of a recording."""
 
-    @ui.page("/")
+    @ui.page("/", response_timeout=_PATIENCE_S)
     async def folder_page(at: str = "") -> None:
         await _show(recordings.place, at, partial(_folder, recordings))
 
-    @ui.page("/recording")
+    @ui.page("/recording", response_timeout=_PATIENCE_S)
     async def recording_page(at: str = "") -> None:
         async def show(folder: Path) -> None:
             recording = await run.io_bound(recordings.at, folder)
