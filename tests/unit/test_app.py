@@ -179,7 +179,7 @@ def test_files_are_brought_into_an_empty_folder(visit, root):
     page = visit("/recording?at=empty")
     page.get_by_text("no videos and no keypoints").wait_for()
     page.locator("input[type=file]").first.set_input_files(root / "walk/Calib.toml")
-    page.get_by_text("1 files are in the folder.").wait_for()
+    page.get_by_text("1 file is in the folder.").wait_for()
     assert (root / "empty/Calib.toml").read_bytes() == (root / "walk/Calib.toml").read_bytes()
 
 

@@ -113,7 +113,7 @@ class ResultParts:
             start.set_enabled(not self.recording.running)
 
     def _videos(self, result: AnyRun, names: list[str]) -> None:
-        """Show a video, and let choose whose it is; page.js does that, and has the report follow."""
+        """Show a video with a choice of cameras; page.js switches it, and makes the report follow."""
         made, version = result.report["input"], str(result.report["run"])
         data = f"data-rate='{made.get('frame_rate_hz') or ''}' data-first='{made.get('first_frame', 0)}'"
         sources = {self.address(f"overlay/{name}.mp4", v=version): name for name in names}

@@ -23,7 +23,7 @@ async function bring(zone, named) {
     if (answer.ok) count += 1;
     else refused = (await answer.json()).detail;
   }
-  say.textContent = [count ? `${count} files are in the folder.` : "", refused].filter(Boolean).join(" ");
+  say.textContent = [count ? `${count === 1 ? "1 file is" : `${count} files are`} in the folder.` : "", refused].filter(Boolean).join(" ");
   emitEvent("brought");
 }
 
@@ -36,7 +36,7 @@ document.addEventListener("change", (event) => {
 for (const kind of ["dragover", "dragleave", "drop"]) {
   document.addEventListener(kind, (event) => {
     const zone = event.target.closest?.(".s-drop");
-    if (kind !== "dragleave") event.preventDefault();  // a file beside the zone does not replace the page
+    if (kind !== "dragleave") event.preventDefault();  // a file dropped elsewhere does not replace the page
     if (!zone) return;
     zone.classList.toggle("over", kind === "dragover");
     if (kind !== "drop") return;

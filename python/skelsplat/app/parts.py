@@ -15,7 +15,7 @@ from skelsplat.cli.process import CANCELLED, FAILED, RUNNING, Work
 from skelsplat.exceptions import SkelSplatError
 
 _EVERY_S = 0.25
-_BETTER = "Cancelled. Earlier files are as they were. Press again to go on or to begin anew."
+_CANCELLED = "Cancelled. Earlier files are as they were. Press again to continue or to start over."
 
 
 def address(page: str, **query: str) -> str:
@@ -108,7 +108,7 @@ def progress(work: Work, cancel: Callable[[], None], ended: Callable[[], object]
     if work.state == FAILED:
         note("error", work.error)
     if work.state == CANCELLED:
-        note("note", _BETTER)
+        note("note", _CANCELLED)
     if work.state != RUNNING:
         return
     with ui.element("div").classes("s-bar"):
