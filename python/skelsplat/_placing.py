@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from skelsplat import _skelsplat
-from skelsplat._arrays import Array
+from skelsplat._arrays import Array, Index
 from skelsplat._skelsplat import Camera, Layout, RefineConfig
 from skelsplat._start import LEAST_JOINTS, Start, first_guess
-from skelsplat._who import GAP, one_after_another, taken, told_by_lines, told_by_rig
+from skelsplat._who import GAP, first_frames, one_after_another, taken, told_by_lines, told_by_rig
 from skelsplat.cameras import altered
 from skelsplat.exceptions import DegenerateGeometryError
 
@@ -37,6 +37,24 @@ class Task:
     def solved(self, people: Array) -> tuple[list[Array], Start, list[Camera], dict[str, Any]]:
         """Return everybody's detections (T', M, N, D) among people (T, M, P, N, D), a first guess, and a rig.
 
+        A camera that was moved while it recorded is placed by the longer part of its detections: ``spans``
+        has the first frame and the end of those that count, by view.
+        """
+        spans: dict[int, tuple[int, int]] = {}
+        for _ in self.cameras:
+            everyone, start, cameras, found = self.told_apart(people)
+            if found["moved"] is None:
+                break
+            view, since = found["moved"]
+            first, end = spans.get(view, (0, len(people)))
+            spans[view] = (first, since) if since - first > end - since else (since, end)
+            people = people.copy()
+            people[: spans[view][0], view] = people[spans[view][1] :, view] = np.nan
+        return everyone, start, cameras, found | {"spans": spans}
+
+    def told_apart(self, people: Array) -> tuple[list[Array], Start, list[Camera], dict[str, Any]]:
+        """Return what `solved` does, of cameras that stay.
+
         Several people are told apart by pairs of views, and then by the cameras that were found.
         """
         several = people.shape[2] > 1
@@ -44,7 +62,7 @@ class Task:
         everyone = taken(people, places) if several else [people[:, :, 0]]
         start = self.guessed(everyone, several)
         guess = {i: (start.cameras[i], float(start.clocks[i])) for i in start.cameras}
-        cameras, found = self.adjusted(everyone, guess)
+        cameras, found = self.adjusted(everyone, first_frames(places), guess)
         for _ in range(_ROUNDS if several else 0):
             used = [int(i) for i in np.flatnonzero(found["used"])]
             clocks = {i: float(found["clock"][i]) for i in used}
@@ -52,12 +70,20 @@ class Task:
             if not again or np.array_equal(again, places):
                 break
             places, everyone = again, taken(people, again)
-            cameras, found = self.adjusted(everyone, {i: (cameras[i], clocks[i]) for i in used})
+            cameras, found = self.adjusted(
+                everyone, first_frames(places), {i: (cameras[i], clocks[i]) for i in used}
+            )
         return everyone, start, cameras, found
 
     def together(self, everyone: Sequence[Array]) -> Array:
         """Return the detections of everybody as those of one recording."""
         return one_after_another(everyone, max(GAP, self.most_lag))
+
+    def times(self, everyone: Sequence[Array], first: Sequence[int]) -> Index:
+        """Return the frame of the video for each of `together`, of people who appear in these frames."""
+        gap = max(GAP, self.most_lag)
+        spans = [np.arange(t - gap, t + len(one)) for t, one in zip(first, everyone, strict=True)]
+        return np.maximum(np.concatenate(spans)[gap:], 0)
 
     def guessed(self, everyone: Sequence[Array], several: bool) -> Start:
         """Return a first guess of the rig."""
@@ -73,13 +99,13 @@ class Task:
         return start
 
     def adjusted(
-        self, everyone: Sequence[Array], guess: Mapping[int, tuple[Camera, float]]
+        self, everyone: Sequence[Array], first: Sequence[int], guess: Mapping[int, tuple[Camera, float]]
     ) -> tuple[list[Camera], dict[str, Any]]:
-        """Return all cameras, adjusted from a guess of some and their clocks."""
+        """Return all cameras, adjusted from a guess of some and their clocks; of each person the first frame."""
         placed = list(self.cameras)
         clocks: list[float | None] = [None] * len(placed)
         for i, (camera, clock) in guess.items():
             placed[i], clocks[i] = altered(placed[i], R=camera.R, t=camera.t), clock
         unknown = {"focal": self.focal, "same_focal": self.same_focal, "clock": self.clock or any(clocks)}
-        seen = self.together(everyone)
-        return _skelsplat.calibrate_cameras(seen, placed, clocks, self.layout, **unknown, config=self.config)
+        recording = (self.together(everyone), placed, clocks, self.layout, self.times(everyone, first))
+        return _skelsplat.calibrate_cameras(*recording, **unknown, config=self.config)

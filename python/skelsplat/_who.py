@@ -69,6 +69,11 @@ def one_after_another(everyone: Sequence[Array], gap: int = GAP) -> Array:
     return np.concatenate([part for one in everyone for part in (none, one)][1:])
 
 
+def first_frames(everyone: Sequence[Places]) -> list[int]:
+    """Return the frame in which each person is first seen; 0 of a single one who was not told apart."""
+    return [int(np.argmax((places >= 0).any(axis=1))) for places in everyone] or [0]
+
+
 def taken(people: Array, everyone: Sequence[Places]) -> list[Array]:
     """Return everybody's detections (T', M, N, D) among people (T, M, P, N, D), without empty ends."""
     parts = []

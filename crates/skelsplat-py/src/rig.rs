@@ -65,16 +65,17 @@ pub(crate) fn adjust_cameras<'py>(
 /// and in this scale the person's stature and how far joints are off because of the cameras.
 #[pyfunction]
 #[pyo3(signature = (
-    detections, cameras, clocks, layout, *, focal=false, same_focal=false, clock=false,
+    detections, cameras, clocks, layout, times, *, focal=false, same_focal=false, clock=false,
     config=None
 ))]
-#[allow(clippy::too_many_arguments, reason = "all but four by keyword")]
+#[allow(clippy::too_many_arguments, reason = "all but five by keyword")]
 pub(crate) fn calibrate_cameras<'py>(
     py: Python<'py>,
     detections: Frames,
     cameras: Cameras,
     clocks: Vec<Option<f64>>,
     layout: Layout,
+    times: Vec<usize>,
     focal: bool,
     same_focal: bool,
     clock: bool,
@@ -86,7 +87,16 @@ pub(crate) fn calibrate_cameras<'py>(
     let unknown = Unknown { focal, same_focal, clock };
     let config = config.map_or_else(Default::default, |config| config.0);
     let done = watch::watched(py, 0, None, move |progress: &Progress| {
-        core_calibrate(&cameras.cameras, &clocks, &seen, &layout.0, unknown, &config, progress)
+        core_calibrate(
+            &cameras.cameras,
+            &clocks,
+            &seen,
+            &times,
+            &layout.0,
+            unknown,
+            &config,
+            progress,
+        )
     })?;
     let cameras = done.cameras;
     let m = cameras.len();
@@ -105,5 +115,6 @@ pub(crate) fn calibrate_cameras<'py>(
     out.set_item("zoom", each(|camera| camera.zoom))?;
     out.set_item("stature", done.stature)?;
     out.set_item("joint_sigma", done.joint_sigma)?;
+    out.set_item("moved", done.moved)?;
     Ok((cameras.into_iter().map(|camera| Camera(camera.placed.camera)).collect(), out))
 }

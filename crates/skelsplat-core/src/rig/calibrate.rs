@@ -1,6 +1,8 @@
 //! Cameras from the people who are filmed: a first guess of a rig is adjusted with all cameras
 //! free, by the bundle of [`super::bundle`] from wide kernels to narrow ones.
 
+mod knocked;
+
 use nalgebra::{DVector, Vector3};
 
 use super::adjust::spread;
@@ -83,10 +85,14 @@ pub struct RigCalibration {
     /// Standard deviation per axis by which joints are off because the cameras are, with all joints
     /// aligned.
     pub joint_sigma: f64,
+    /// The camera that was moved while it recorded, and the time from which on it is elsewhere: the
+    /// rig is that of neither then.
+    pub moved: Option<(usize, usize)>,
 }
 
 /// Adjusts `cameras`, of which only a first guess is known, by the joints that they see: those with
-/// a clock, frames; the others are left out.
+/// a clock, frames; the others are left out. Each frame has its time, by which a recording is
+/// halved: several people may be one after another.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] if numbers do not match, [`Error::Cancelled`].
@@ -94,11 +100,16 @@ pub fn calibrate_cameras(
     cameras: &[Camera],
     clocks: &[Option<f64>],
     frames: &[Detections],
+    times: &[usize],
     layout: &Layout,
     unknown: Unknown,
     config: &RefineConfig,
     progress: &Progress,
 ) -> Result<RigCalibration> {
+    if times.len() != frames.len() {
+        let expected = format!("one per frame ({})", frames.len());
+        return Err(Error::invalid("times", expected, times.len().to_string()));
+    }
     if let Some(frame) = frames.iter().find(|frame| frame.n_views() != cameras.len()) {
         let expected = format!("one view per camera ({})", cameras.len());
         return Err(Error::invalid("detections", expected, format!("{} views", frame.n_views())));
@@ -121,7 +132,9 @@ pub fn calibrate_cameras(
         };
         let start: Vec<Option<Placed>> = given.iter().zip(clocks).map(placed).collect();
         let distorted = config.undistort;
-        Task { given: &given, frames: &used, layout, unknown, distorted }.solve(&start, progress)
+        let task =
+            Task { given: &given, frames: &used, times, half: None, layout, unknown, distorted };
+        task.solve(&start, progress)
     })
 }
 
@@ -146,6 +159,13 @@ struct CameraFit {
 }
 
 impl Fit {
+    /// Distance of each camera from the joints.
+    fn reach(&self, cameras: &[Placed]) -> Vec<f64> {
+        let known: Vec<_> = self.points.iter().filter(|x| x.x.is_finite()).collect();
+        let middle = known.iter().copied().sum::<Vector3<f64>>() / known.len() as f64;
+        cameras.iter().map(|placed| (placed.camera.centre() - middle).norm()).collect()
+    }
+
     /// The camera that contradicts the others most, if one does.
     fn worst(&self) -> Option<usize> {
         let all = || self.of_cameras.iter().enumerate();
@@ -163,10 +183,29 @@ impl Fit {
     }
 }
 
+/// A part of a recording.
+#[derive(Clone, Copy)]
+enum Half {
+    Before(usize),
+    From(usize),
+}
+
+impl Half {
+    fn holds(self, time: usize) -> bool {
+        match self {
+            Self::Before(middle) => time < middle,
+            Self::From(middle) => time >= middle,
+        }
+    }
+}
+
 #[derive(Clone, Copy)]
 struct Task<'a> {
     given: &'a [Camera],
     frames: &'a [Detections],
+    times: &'a [usize],
+    /// Frames before a time, or from it on; `None`: all.
+    half: Option<Half>,
     layout: &'a Layout,
     unknown: Unknown,
     /// Whether pixels are as lenses distort them.
@@ -187,16 +226,20 @@ impl Task<'_> {
                 cameras = rig.cameras;
             }
         }
-        while views.len() > 2 {
+        let mut moved;
+        loop {
+            let before = cameras.clone();
             cameras = task.adjusted(&views, cameras, FEW, 1.0, progress)?.cameras;
-            let Some(k) = task.fit(&views, &cameras).worst() else { break };
+            moved = task.moved(&views, &before, progress)?;
+            let worst = task.fit(&views, &cameras).worst().filter(|_| views.len() > 2);
+            let Some(k) = worst.filter(|_| moved.is_none()) else { break };
             cameras.remove(k);
             views.remove(k);
         }
         let rig = task.adjusted(&views, cameras, MANY, 1.0, progress)?;
         let other_lenses = task.other_lenses(&views, &rig, progress)?;
         let judged = task.judged(&views, &rig, &other_lenses);
-        Ok(RigCalibration { cameras: self.report(&views, judged.cameras), ..judged })
+        Ok(RigCalibration { cameras: self.report(&views, judged.cameras), moved, ..judged })
     }
 
     /// Whether clocks that are free show that some camera is not in step.
@@ -274,7 +317,8 @@ impl Task<'_> {
         let sees =
             |t: usize, i: usize| (0..n).any(|j| scene.sight(t, i, j, &cameras[i], false).is_some());
         let enough = |t: &usize| (0..cameras.len()).filter(|i| sees(*t, *i)).count() >= 2;
-        let all: Vec<usize> = (0..seen.len()).filter(enough).collect();
+        let within = |t: &usize| self.half.is_none_or(|half| half.holds(self.times[*t]));
+        let all: Vec<usize> = (0..seen.len()).filter(within).filter(enough).collect();
         spread(&all, most)
     }
 
@@ -344,7 +388,8 @@ impl Task<'_> {
             zoom: zooms[k],
         };
         let cameras = (0..views.len()).map(camera).collect();
-        RigCalibration { cameras, stature: self.stature(&fit.points), joint_sigma }
+        let stature = self.stature(&fit.points);
+        RigCalibration { cameras, stature, joint_sigma, moved: None }
     }
 
     /// How far joints are off because of the cameras.

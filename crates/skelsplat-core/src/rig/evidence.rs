@@ -10,7 +10,7 @@ use super::reduced::Judged;
 const AGREED: f64 = 1.7;
 
 /// The probability that a camera is not as its calibration says.
-const CHANGED: f64 = 0.05;
+pub(super) const CHANGED: f64 = 0.05;
 
 /// Error bars of a camera's change: root-mean-square length of the error.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -123,7 +123,7 @@ impl Sureness {
 }
 
 /// How a point moves when the world turns, moves and grows about the origin.
-fn moved(x: &Vector3<f64>) -> SMatrix<f64, 3, DIRECTIONS> {
+pub(super) fn moved(x: &Vector3<f64>) -> SMatrix<f64, 3, DIRECTIONS> {
     let mut out = SMatrix::<f64, 3, DIRECTIONS>::zeros();
     out.fixed_columns_mut::<3>(0).copy_from(&-x.cross_matrix());
     out.fixed_columns_mut::<3>(3).copy_from(&Matrix3::identity());

@@ -1,0 +1,196 @@
+//! A camera that was moved while it recorded: what the two halves of a recording say of its place.
+//!
+//! The rigs of both halves hold the first camera, with errors of the covariances C₁ and C₂. Their
+//! difference d has the covariance C₁ + C₂ if nothing moved, but for the scale g, which each half
+//! has its own. If camera i moved by δ ~ N(0, V), d = s g + Eᵢ δ: Eᵢ are its own parameters, or of
+//! the first, all others' together. With W, the inverse of C₁ + C₂ without g, and A = Eᵢᵀ W Eᵢ, that
+//! explains bᵀ (A + V⁻¹)⁻¹ b more, b = Eᵢᵀ W d, and has the odds ε/(1−ε) / √|1 + A V| times as much.
+
+use nalgebra::{DMatrix, DVector, Vector3};
+
+use super::{FEW, Fit, Half, Task, WIDER};
+use crate::batch::Progress;
+use crate::error::Result;
+use crate::rig::bundle::{Lenses, PER_NOISE, places};
+use crate::rig::evidence::{CHANGED, log_odds};
+use crate::rig::gauge::moved;
+use crate::rig::placed::{Change, Placed};
+use crate::rig::scene::Scene;
+use crate::rig::search::Explanation;
+
+/// Turn and shift.
+const PLACE: usize = 6;
+/// Standard deviation of the turn of a camera that is knocked, rad, and of its shift, relative to
+/// its distance from the joints.
+const KNOCKED: [f64; 2] = [0.05, 0.05];
+/// Most frames among which the one is found in which it was moved.
+const LOOKED_AT: usize = 1000;
+/// Fewer frames are no part.
+const LEAST_FRAMES: usize = 20;
+/// Quarters of the recording after which the search of that frame begins,
+const BEGINNINGS: [usize; 3] = [2, 1, 3];
+/// most divisions that follow from there,
+const DIVISIONS: usize = 4;
+/// and the part of the recording that the last one differs from the one before.
+const SETTLED: f64 = 0.02;
+
+impl Task<'_> {
+    /// The camera that was moved while it recorded, and when: each part of the recording explains
+    /// itself, and one camera's place differs.
+    pub(super) fn moved(
+        &self,
+        views: &[usize],
+        cameras: &[Placed],
+        progress: &Progress,
+    ) -> Result<Option<(usize, usize)>> {
+        let seen = self.of_views(views);
+        let mut frames = self.shared(&seen, cameras, LOOKED_AT);
+        frames.sort_by_key(|t| self.times[*t]);
+        for quarters in BEGINNINGS {
+            let mut first = frames.len() * quarters / 4;
+            for _ in 0..DIVISIONS {
+                if first.min(frames.len() - first) < LEAST_FRAMES {
+                    break;
+                }
+                let parts = self.parts(views, cameras, self.times[frames[first]], progress)?;
+                let rigs = parts.each_ref().map(|(rig, _)| rig);
+                let fit = &parts[0].1;
+                let Some(k) = moved_between(rigs, &fit.reach(&rigs[0].cameras)) else { break };
+                let since = when_moved(Scene::new(&seen), &frames, rigs, k, PER_NOISE * fit.noise);
+                let settled = since.abs_diff(first) as f64 <= SETTLED * frames.len() as f64;
+                let agrees = |fit: &Fit| views.len() == 2 || fit.worst().is_none();
+                if settled && parts.iter().all(|(_, fit)| agrees(fit)) {
+                    return Ok(Some((views[k], self.times[frames[since]])));
+                }
+                first = since;
+            }
+        }
+        Ok(None)
+    }
+
+    /// The rigs of a recording before a time and from it on, and how well they fit.
+    fn parts(
+        &self,
+        views: &[usize],
+        cameras: &[Placed],
+        time: usize,
+        progress: &Progress,
+    ) -> Result<[(Explanation, Fit); 2]> {
+        let part = |half: Half| -> Result<(Explanation, Fit)> {
+            let task = Self { half: Some(half), ..*self };
+            let rig = task.adjusted(views, cameras.to_vec(), FEW, WIDER, progress)?;
+            let fit = task.fit(views, &rig.cameras);
+            Ok((rig, fit))
+        };
+        Ok([part(Half::Before(time))?, part(Half::From(time))?])
+    }
+}
+
+/// The camera that moved between two rigs of the same cameras, if one did: the likeliest.
+fn moved_between(halves: [&Explanation; 2], reach: &[f64]) -> Option<usize> {
+    let difference = Difference::between(halves)?;
+    let odds = (0..reach.len()).filter_map(|i| Some((i, difference.odds(i, reach[i])?)));
+    let best = odds.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    (best.1 > 0.0).then_some(best.0)
+}
+
+struct Difference<'a> {
+    first: &'a Explanation,
+    /// d of the turns and shifts of all cameras but the first.
+    change: DVector<f64>,
+    /// W.
+    weight: DMatrix<f64>,
+    clusters: usize,
+}
+
+impl<'a> Difference<'a> {
+    /// `None` where one of the rigs has no error bars.
+    fn between([first, second]: [&'a Explanation; 2]) -> Option<Self> {
+        let m = first.cameras.len();
+        let q = PLACE * (m - 1);
+        let mut covariance = DMatrix::zeros(q, q);
+        for half in [first, second] {
+            let known = places(&half.freedom, Lenses::CALIBRATED);
+            let known: Vec<_> = known.filter(|(i, k, _)| *i > 0 && *k < PLACE).collect();
+            for (i, k, a) in &known {
+                for (j, l, b) in &known {
+                    covariance[(PLACE * (i - 1) + k, PLACE * (j - 1) + l)] +=
+                        half.judged.steady[(*a, *b)];
+                }
+            }
+        }
+        let inverse = covariance.cholesky()?.inverse();
+        let change = |i: usize| Change::between(&first.cameras[i], &second.cameras[i]);
+        let changes: Vec<Change> = (1..m).map(change).collect();
+        let change = DVector::from_fn(q, |a, _| changes[a / PLACE].parameter(a % PLACE));
+        let grown = Self::directions(first).column(PLACE).into_owned();
+        let pulled = &inverse * &grown;
+        let weight = &inverse - &pulled * pulled.transpose() / grown.dot(&pulled);
+        let clusters = first.judged.costs.len().min(second.judged.costs.len());
+        Some(Self { first, change, weight, clusters })
+    }
+
+    /// Turns, shifts and growth of all other cameras about the first.
+    fn directions(rig: &Explanation) -> DMatrix<f64> {
+        let first = rig.cameras[0].camera.centre();
+        let mut out = DMatrix::zeros(PLACE * (rig.cameras.len() - 1), PLACE + 1);
+        for (i, placed) in rig.cameras.iter().skip(1).enumerate() {
+            let arm = placed.camera.centre() - first;
+            out.view_mut((PLACE * i, 0), (3, 3)).copy_from(&-placed.camera.rotation());
+            out.view_mut((PLACE * i + 3, 0), (3, PLACE + 1)).copy_from(&moved(&arm));
+        }
+        out
+    }
+
+    /// The logarithm of the odds that camera i, so far from the joints, moved.
+    fn odds(&self, i: usize, reach: f64) -> Option<f64> {
+        let q = self.change.len();
+        let own = match i.checked_sub(1) {
+            None => Self::directions(self.first).columns(0, PLACE).into_owned(),
+            Some(k) => {
+                DMatrix::from_fn(q, PLACE, |a, b| if a == PLACE * k + b { 1.0 } else { 0.0 })
+            }
+        };
+        let sigma = |k: usize| if k < 3 { KNOCKED[0] } else { KNOCKED[1] * reach };
+        let known = own.transpose() * &self.weight * &own;
+        let pull = own.transpose() * &self.weight * &self.change;
+        let mut wide = known;
+        (0..PLACE).for_each(|k| wide[(k, k)] += sigma(k).powi(-2));
+        let factor = wide.cholesky()?;
+        let explained = pull.dot(&factor.solve(&pull));
+        let free: f64 = (0..PLACE).map(|k| (factor.l_dirty()[(k, k)] * sigma(k)).ln()).sum();
+        let prior = (CHANGED / (1.0 - CHANGED)).ln();
+        Some(prior + log_odds(explained.sqrt(), self.clusters) - free)
+    }
+}
+
+/// The place among these frames, in order of time, from which on camera i is where the second rig has it:
+/// before it, the first rig costs least, and the second from it on.
+fn when_moved(
+    scene: Scene<'_>,
+    frames: &[usize],
+    rigs: [&Explanation; 2],
+    i: usize,
+    width: f64,
+) -> usize {
+    let m = rigs[0].cameras.len();
+    let used: Vec<bool> = (0..m).map(|k| k != i || m == 2).collect();
+    let placed = rigs.map(|rig| scene.points(frames, &rig.cameras, &used));
+    let n = scene.n_joints();
+    let costs = |t: usize| {
+        [0, 1].map(|half| {
+            let points: &[Vector3<f64>] = &placed[half][n * t..n * (t + 1)];
+            let off = scene.distances(&frames[t..=t], points, i, &rigs[half].cameras[i]);
+            off.iter().map(|(px, mm)| 1.0 - (-0.5 * (px * mm / width).powi(2)).exp()).sum::<f64>()
+        })
+    };
+    let (mut sum, mut least, mut best) = (0.0, 0.0, 0);
+    for t in 0..frames.len() {
+        let [first, second] = costs(t);
+        sum += first - second;
+        if sum < least {
+            (least, best) = (sum, t + 1);
+        }
+    }
+    best
+}
