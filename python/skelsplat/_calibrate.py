@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -97,6 +98,9 @@ class CalibratedCamera:
         where it may be right.
     place_covariance : (3, 3)
         Of the camera's place along the axes of the world, in the square of the rig's unit.
+    span : (int, int), optional
+        If it was moved while it recorded, the first frame and the end of the longer part, by which it was
+        placed.
     """
 
     name: str
@@ -109,6 +113,7 @@ class CalibratedCamera:
     explained: float
     zoom: float
     place_covariance: Array = field(repr=False, compare=False)
+    span: tuple[int, int] | None = None
 
     @property
     def place_sigma(self) -> float:
@@ -129,11 +134,12 @@ class RigCalibration:
     not tell the cameras' places: ``"places"`` (an error bar is above 3° or 6 % of the camera's distance),
     ``"movement"`` (the person hardly moves), ``"periodic"`` (other clocks explain as much), ``"clocks"``
     (cameras are out of step), ``"cameras"`` (half of them or more are left out, or two are left to tell focal
-    lengths), ``"lenses"`` (focal lengths that were given, or the same for all, contradict the detections).
-    Without any, the rig is ``sure``.
+    lengths), ``"moved"`` (cameras were moved again and again), ``"lenses"`` (focal lengths that were given,
+    or the same for all, contradict the detections). Without any, the rig is ``sure``.
 
     ``people`` are the detections by which the cameras were found, (T, M, N, 2|3) of each person, of all M
-    cameras: those of the argument, without whoever could not be told apart.
+    cameras: those of the argument, without whoever could not be told apart, and what a camera sees from
+    elsewhere.
     """
 
     cameras: CameraRig
@@ -228,6 +234,8 @@ def calibrate_cameras(
     count = int(sum(found["used"]))
     if 2 * count <= len(blank) or (focal and count < 3):
         doubts.append("cameras")
+    if found["moved"]:
+        doubts.append("moved")
     return _in_world(everyone, cameras, found, skeleton, size, doubts)
 
 
@@ -287,7 +295,7 @@ def _most_lag(clock: bool, fps: float | None) -> int:
     return round(_MOST_LAG_S * fps) if clock and fps is not None else 0
 
 
-def _doubt_centres(cameras: Sequence[Camera], found: Mapping[str, Array]) -> None:
+def _doubt_centres(cameras: Sequence[Camera], found: Mapping[str, Any]) -> None:
     """Widen the error bars of cameras whose principal point may not be the middle of the image."""
     centres = np.stack([np.asarray(camera.centre) for camera in cameras])
     middle = centres[np.asarray(found["used"])].mean(axis=0)
@@ -306,7 +314,7 @@ def _across(arms: Array, turns: Array) -> Array:
 def _in_world(
     everyone: Sequence[Array],
     cameras: list[Camera],
-    found: Mapping[str, Array],
+    found: Mapping[str, Any],
     layout: Layout,
     size: _Size,
     doubts: Sequence[str],
@@ -406,7 +414,7 @@ class _Size:
         return short * mean / shown, math.hypot(error / shown, spread / mean, doubt)
 
 
-def _report(found: Mapping[str, Array], names: Sequence[str], i: int, axes: Array) -> CalibratedCamera:
+def _report(found: Mapping[str, Any], names: Sequence[str], i: int, axes: Array) -> CalibratedCamera:
     """Return what was found about camera `i`, in a world of these scaled axes (3, 3), rows."""
     value = {name: float(found[name][i]) for name in _NUMBERS}
     return CalibratedCamera(
@@ -420,6 +428,7 @@ def _report(found: Mapping[str, Array], names: Sequence[str], i: int, axes: Arra
         explained=value["explained"],
         zoom=value["zoom"],
         place_covariance=axes @ found["shift_covariance"][i] @ axes.T,
+        span=found["spans"].get(i),
     )
 
 

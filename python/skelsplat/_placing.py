@@ -101,11 +101,19 @@ class Task:
     def adjusted(
         self, everyone: Sequence[Array], first: Sequence[int], guess: Mapping[int, tuple[Camera, float]]
     ) -> tuple[list[Camera], dict[str, Any]]:
-        """Return all cameras, adjusted from a guess of some and their clocks; of each person the first frame."""
+        """Return all cameras, adjusted from a guess of some, by people who appear in these frames first."""
         placed = list(self.cameras)
         clocks: list[float | None] = [None] * len(placed)
         for i, (camera, clock) in guess.items():
             placed[i], clocks[i] = altered(placed[i], R=camera.R, t=camera.t), clock
-        unknown = {"focal": self.focal, "same_focal": self.same_focal, "clock": self.clock or any(clocks)}
-        recording = (self.together(everyone), placed, clocks, self.layout, self.times(everyone, first))
-        return _skelsplat.calibrate_cameras(*recording, **unknown, config=self.config)
+        return _skelsplat.calibrate_cameras(
+            self.together(everyone),
+            placed,
+            clocks,
+            self.layout,
+            self.times(everyone, first),
+            focal=self.focal,
+            same_focal=self.same_focal,
+            clock=self.clock or any(clocks),
+            config=self.config,
+        )

@@ -699,6 +699,7 @@ def calibrate_cameras(
     cameras: _Cameras,
     clocks: Sequence[float | None],
     layout: Layout,
+    times: ArrayLike,
     *,
     focal: bool = False,
     same_focal: bool = False,

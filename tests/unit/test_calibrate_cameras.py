@@ -101,6 +101,30 @@ def test_cameras_are_placed_by_a_walk() -> None:
     assert all(0.0 < one.error < 8.0 and one.explained > 0.9 for one in found.report)
 
 
+def turned(recording: np.ndarray, view: int, frames: slice, degrees: float) -> np.ndarray:
+    """Return what the views see if one camera is turned in some frames."""
+    K, R = RIG[view].K, matrix_from_vector(np.radians(degrees) * np.array([0.3, 0.9, 0.3]))
+    out = recording.copy()
+    ahead = np.insert(out[frames, view, :, :2], 2, 1.0, axis=2) @ (K @ R @ np.linalg.inv(K)).T
+    out[frames, view, :, :2] = ahead[..., :2] / ahead[..., 2:]
+    return out
+
+
+@pytest.mark.parametrize(
+    ("view", "frames", "span"), [(2, slice(48, None), (0, 48)), (0, slice(32), (32, 80))]
+)
+def test_a_camera_that_was_moved_is_placed_by_the_longer_part(
+    view: int, frames: slice, span: tuple[int, int]
+) -> None:
+    found = sk.calibrate_cameras(turned(walk(), view, frames, 2.0), list(RIG), layout=LAYOUT)
+    check_shape(found, 0.6, 60.0)
+    assert found.sure
+    spans = [one.span for one in found.report]
+    assert [i for i, one in enumerate(spans) if one] == [view]
+    assert spans[view] == pytest.approx(span, abs=1)
+    assert all(np.isfinite(found.people[0][:, i, :, 0]).all(axis=1).sum() > 40 for i in range(4))
+
+
 def test_places_scatter_as_their_covariances_say() -> None:
     squares = []
     for seed in (3, 4, 5, 6):

@@ -46,6 +46,16 @@ def test_two_people_who_cross_place_cameras_as_well_as_if_it_were_known_who_is_w
     assert off(known) < 0.02
 
 
+def test_a_camera_that_was_moved_while_people_come_and_go_is_named() -> None:
+    people = scene().people.copy()
+    people[50:, 1, ..., 0] += 60.0  # px
+    found = calibrated(people)
+    assert off(found) < 0.02
+    first, end = found.report[1].span or (0, 0)
+    assert first == 0
+    assert abs(end - 50) <= 2
+
+
 def test_a_bystander_whom_two_views_see_does_no_harm() -> None:
     assert off(calibrated(scene(bystander=True).people)) < 0.02
 

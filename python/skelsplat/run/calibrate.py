@@ -15,27 +15,21 @@ import skelsplat as sk
 from skelsplat._arrays import Array, Index, take_people
 from skelsplat._clocks import shifted
 from skelsplat._frozen import frozen, frozen_finding
-from skelsplat._who import one_after_another
-from skelsplat._words import percent, with_bar
+from skelsplat._who import GAP, one_after_another
 from skelsplat.exceptions import DatasetError, DegenerateGeometryError, InvalidInputError
-from skelsplat.findings import Finding, Remedy, Subject, collected_warnings, warn
+from skelsplat.findings import Finding, collected_warnings, warn
 from skelsplat.io.detections import Opened as Detections
 from skelsplat.io.detections import camera_called, camera_labels, cameras_called, open_detections
 from skelsplat.io.video import find_videos, open_source
 from skelsplat.rig_check import ReadAs
-from skelsplat.run.adjusted import late, offset_of
+from skelsplat.run.adjusted import offset_of
+from skelsplat.run.calibrate_findings import of_calibration, of_moved
 from skelsplat.run.cameras import warn_of_place
 from skelsplat.run.job import IncompleteJobError
 from skelsplat.run.person import are_people, entry_of, pick_places
 from skelsplat.run.read import open_recording, rate_of, read_rig, videos_beside
 from skelsplat.run.session import different, padded
 from skelsplat.run.solve import evened, step_of
-
-# A camera disagrees if less than this share of what the others explain is explained of it.
-_AGREES = 0.85
-_FILM = (
-    "Film a person who walks about for ten seconds: two metres or more, turning once, and raising the arms"
-)
 
 Size = tuple[int, int]
 
@@ -242,12 +236,13 @@ def calibrate_cameras(
         raise InvalidInputError(f"distance: expected {expected}, got none")
     # places of lenses are ignored
     kept = [one for k, one in enumerate(warnings) if one.kind != "unit_wrong" and one not in warnings[:k]]
+    times = [(int(t), one.recording.path.name) for one in seen for t in _with_gap(one.frames)]
     return Calibrated(
         result,
         focal=not isinstance(first.lenses[0], sk.Camera),
         scale="distance" if distance is not None else "adults" if stature is None else "stature",
         recordings=tuple(map(partial(_recorded, result), seen, offsets)),
-        findings=(*kept, *_findings(result, clock)),
+        findings=(*kept, *of_moved(result, times), *of_calibration(result, clock)),
         layout=first.detections.skeleton,
         frames=seen[0].frames if len(seen) == 1 else seen[0].step * np.arange(len(result.people[0])),
         fps=first.fps,
@@ -311,6 +306,11 @@ def _calibrated(
     clocks = {name: -offset for name, offset in each[0].items()} if shared else {}
     cameras = replace(found.cameras, clocks=clocks)
     return replace(found, cameras=cameras), [{}] * len(each) if shared else each
+
+
+def _with_gap(frames: Index) -> Index:
+    """Return frame numbers as `one_after_another` has the frames."""
+    return np.append(frames, np.full(GAP, frames[-1]))
 
 
 def _in_step(people: Array, found: sk.RigCalibration) -> Array:
@@ -418,54 +418,3 @@ def _people(people: Array, person: str | None) -> Array:
         nobody: Index = np.empty((1, 0, 0), dtype=np.int64)
         index = pick_places(people, person, nobody)[0]
     return take_people(people, index)[:, :, None]
-
-
-def _findings(found: sk.RigCalibration, clock: bool) -> Iterator[Finding]:
-    """Yield which cameras were left out or out of step, and whether the recording does not tell places.
-
-    Whether clocks were looked for, which otherwise is a remedy.
-    """
-    for i, one in enumerate(found.report):
-        if found.sure and not clock and offset_of(one, ReadAs()):
-            yield late({"camera": one.name, "clock_frames": one.clock, "clock_sigma_frames": one.clock_sigma})
-        if one.status == "left_out":
-            words = f"{one.name} was left out: it shares too little with the other cameras, or contradicts "
-            words += "them. Does it see the same person at the same time, and is its image not mirrored?"
-            numbers = {"error_px": one.error, "explained": one.explained}
-            known = {name: float(value) if np.isfinite(value) else None for name, value in numbers.items()}
-            seen = any(np.isfinite(person[:, i]).any() for person in found.people)
-            remedy = (Remedy("clock", True),) if seen and not clock else ()
-            yield Finding("camera_left_out", "warning", Subject((one.name,)), known, remedy, sentence=words)
-        elif found.sure and one.explained < _AGREES * np.nanmedian(
-            [other.explained for other in found.report]
-        ):
-            words = (
-                f"{one.name} agrees with the others in only {percent(one.explained)} of its detections. Was "
-            )
-            words += "it moved while it recorded, is its image mirrored, or does it see somebody else?"
-            numbers, remedy = {"explained": one.explained}, (Remedy("without", one.name),)
-            yield Finding(
-                "camera_disagrees", "warning", Subject((one.name,)), numbers, remedy, sentence=words
-            )
-    if not found.sure:
-        placed = [one for one in found.report if one.status == "placed"]
-        turn, place = (max(getattr(one, name) for one in placed) for name in ("turn_sigma", "place_sigma"))
-        off = [f"{one.name} {100 * (one.zoom - 1):+.0f} %" for one in placed if one.zoom != 1.0]
-        unknown = np.isfinite([one.focal_sigma for one in placed]).any()
-        stated = "the same for all" if unknown else "those given"
-        lenses = "; giving the lenses helps, or stating that all are the same" if unknown else ""
-        bars = f"one may be off by {with_bar(turn, None)}° or {place:,.0f} mm"
-        why = {
-            "clocks": "the cameras are out of step. Find their clocks as well",
-            "periodic": f"several clocks fit, because the motion repeats itself. {_FILM}, or clap once",
-            "movement": f"the person hardly moves. {_FILM}",
-            "cameras": f"too few cameras agree. Do all of them see the same person at the same time? {_FILM}",
-            "lenses": f"other focal lengths fit than {stated} ({', '.join(off)}). Are the lenses those of "
-            "these cameras, at this zoom and image size? Without them, focal lengths are found",
-            "places": f"{bars}. {_FILM}{lenses}",
-        }
-        words = f"This recording does not tell where the cameras are: {why[found.doubts[0]]}."
-        remedy = () if clock or found.doubts[0] in ("movement", "lenses") else (Remedy("clock", True),)
-        numbers = {"degrees_sigma": float(turn), "mm_sigma": float(place)}
-        subject = Subject(tuple(one.name for one in placed))
-        yield Finding("cameras_not_calibrated", "error", subject, numbers, remedy=remedy, sentence=words)

@@ -1,0 +1,92 @@
+"""What is told about cameras that were found from people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat._words import percent, with_bar
+from skelsplat.findings import Finding, Remedy, Subject
+from skelsplat.rig_check import ReadAs
+from skelsplat.run.adjusted import late, offset_of
+
+# A camera disagrees if less than this share of what the others explain is explained of it.
+_AGREES = 0.85
+_FILM = (
+    "Film a person who walks about for ten seconds: two metres or more, turning once, and raising the arms"
+)
+
+
+def of_moved(found: sk.RigCalibration, times: Sequence[tuple[int, str]]) -> Iterator[Finding]:
+    """Name cameras that were moved while they recorded, in frames of these numbers and recordings."""
+    several = len({name for _, name in times}) > 1
+    for one in found.report:
+        if one.span is None:
+            continue
+        first, end = one.span
+        frame, name = times[first or end]
+        of = f" of {name}" if several else ""
+        part = "from there on" if first else "before"
+        sentence = (
+            f"{one.name} was moved while it recorded, about frame {frame}{of}. It is placed where it was "
+        )
+        sentence += f"{part}: the other part needs a calibration of its own."
+        share = {"since": frame, "part": "after" if first else "before"}
+        subject = Subject((one.name,), frames=(frame,))
+        yield Finding("camera_moved", "warning", subject, share, sentence=sentence)
+
+
+def of_calibration(found: sk.RigCalibration, clock: bool) -> Iterator[Finding]:
+    """Yield which cameras were left out or out of step, and whether the recording does not tell places.
+
+    Whether clocks were looked for, which otherwise is a remedy.
+    """
+    for i, one in enumerate(found.report):
+        if found.sure and not clock and offset_of(one, ReadAs()):
+            yield late({"camera": one.name, "clock_frames": one.clock, "clock_sigma_frames": one.clock_sigma})
+        if one.status == "left_out":
+            words = f"{one.name} was left out: it shares too little with the other cameras, or contradicts "
+            words += "them. Does it see the same person at the same time, and is its image not mirrored?"
+            numbers = {"error_px": one.error, "explained": one.explained}
+            known = {name: float(value) if np.isfinite(value) else None for name, value in numbers.items()}
+            seen = any(np.isfinite(person[:, i]).any() for person in found.people)
+            remedy = (Remedy("clock", True),) if seen and not clock else ()
+            yield Finding("camera_left_out", "warning", Subject((one.name,)), known, remedy, sentence=words)
+        elif found.sure and one.explained < _AGREES * np.nanmedian(
+            [other.explained for other in found.report]
+        ):
+            words = (
+                f"{one.name} agrees with the others in only {percent(one.explained)} of its detections. Was "
+            )
+            words += "it moved while it recorded, is its image mirrored, or does it see somebody else?"
+            numbers, remedy = {"explained": one.explained}, (Remedy("without", one.name),)
+            yield Finding(
+                "camera_disagrees", "warning", Subject((one.name,)), numbers, remedy, sentence=words
+            )
+    if not found.sure:
+        placed = [one for one in found.report if one.status == "placed"]
+        turn, place = (max(getattr(one, name) for one in placed) for name in ("turn_sigma", "place_sigma"))
+        off = [f"{one.name} {100 * (one.zoom - 1):+.0f} %" for one in placed if one.zoom != 1.0]
+        unknown = np.isfinite([one.focal_sigma for one in placed]).any()
+        stated = "the same for all" if unknown else "those given"
+        lenses = "; giving the lenses helps, or stating that all are the same" if unknown else ""
+        bars = f"one may be off by {with_bar(turn, None)}° or {place:,.0f} mm"
+        why = {
+            "clocks": "the cameras are out of step. Find their clocks as well",
+            "periodic": f"several clocks fit, because the motion repeats itself. {_FILM}, or clap once",
+            "movement": f"the person hardly moves. {_FILM}",
+            "cameras": f"too few cameras agree. Do all of them see the same person at the same time? {_FILM}",
+            "lenses": f"other focal lengths fit than {stated} ({', '.join(off)}). Are the lenses those of "
+            "these cameras, at this zoom and image size? Without them, focal lengths are found",
+            "moved": "a camera was moved again and again while it recorded",
+            "places": f"{bars}. {_FILM}{lenses}",
+        }
+        words = f"This recording does not tell where the cameras are: {why[found.doubts[0]]}."
+        remedy = (
+            () if clock or found.doubts[0] in ("movement", "moved", "lenses") else (Remedy("clock", True),)
+        )
+        numbers = {"degrees_sigma": float(turn), "mm_sigma": float(place)}
+        subject = Subject(tuple(one.name for one in placed))
+        yield Finding("cameras_not_calibrated", "error", subject, numbers, remedy=remedy, sentence=words)
