@@ -106,7 +106,7 @@ pub use paper::PaperSettings;
 pub use people::{Person, TrackedPerson, Tracker, track};
 pub use refine::{Frame, JointBias, Method, RefineConfig, Refinement, Refinements, Refiner};
 pub use rig::{Adjustable, CameraAdjustment, CameraStatus, RigAdjustment, adjust_cameras};
-pub use rig::{CalibratedCamera, RigCalibration, Unknown, calibrate_cameras};
+pub use rig::{CalibratedCamera, Filmed, RigCalibration, Unknown, calibrate_cameras};
 pub use sequence::{Known, Live, Sequence, learn_sequence, refine_sequence, refine_windows};
 pub use settings::Value;
 pub use triangulate::fuse_monocular;

@@ -3,7 +3,7 @@
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use skelsplat_core::{
-    Adjustable, CalibratedCamera, CameraAdjustment, Progress, Unknown,
+    Adjustable, CalibratedCamera, CameraAdjustment, Filmed, Progress, Unknown,
     adjust_cameras as core_adjust, calibrate_cameras as core_calibrate,
 };
 
@@ -87,32 +87,29 @@ pub(crate) fn calibrate_cameras<'py>(
     let unknown = Unknown { focal, same_focal, clock };
     let config = config.map_or_else(Default::default, |config| config.0);
     let done = watch::watched(py, 0, None, move |progress: &Progress| {
-        core_calibrate(
-            &cameras.cameras,
-            &clocks,
-            &seen,
-            &times,
-            &layout.0,
-            unknown,
-            &config,
-            progress,
-        )
+        let filmed = Filmed { frames: &seen, times: &times };
+        core_calibrate(&cameras.cameras, &clocks, filmed, &layout.0, unknown, &config, progress)
     })?;
     let cameras = done.cameras;
     let m = cameras.len();
-    let each = |get: fn(&CalibratedCamera) -> f64| Out(cameras.iter().map(get).collect(), vec![m]);
     let out = PyDict::new(py);
     out.set_item("used", cameras.iter().map(|camera| camera.used).collect::<Vec<_>>())?;
-    out.set_item("clock", each(|camera| camera.placed.clock))?;
-    out.set_item("turn_sigma", each(|camera| camera.bars.turn))?;
     let places: Vec<f64> =
         cameras.iter().flat_map(|camera| camera.bars.place.data.0).flatten().collect();
     out.set_item("shift_covariance", Out(places, vec![m, 3, 3]))?;
-    out.set_item("zoom_sigma", each(|camera| camera.bars.zoom))?;
-    out.set_item("clock_sigma", each(|camera| camera.bars.clock))?;
-    out.set_item("distance", each(|camera| camera.distance))?;
-    out.set_item("explained", each(|camera| camera.explained))?;
-    out.set_item("zoom", each(|camera| camera.zoom))?;
+    type Number = (&'static str, fn(&CalibratedCamera) -> f64);
+    let numbers: [Number; 7] = [
+        ("clock", |camera| camera.placed.clock),
+        ("turn_sigma", |camera| camera.bars.turn),
+        ("zoom_sigma", |camera| camera.bars.zoom),
+        ("clock_sigma", |camera| camera.bars.clock),
+        ("distance", |camera| camera.distance),
+        ("explained", |camera| camera.explained),
+        ("zoom", |camera| camera.zoom),
+    ];
+    for (name, get) in numbers {
+        out.set_item(name, Out(cameras.iter().map(get).collect(), vec![m]))?;
+    }
     out.set_item("stature", done.stature)?;
     out.set_item("joint_sigma", done.joint_sigma)?;
     out.set_item("moved", done.moved)?;

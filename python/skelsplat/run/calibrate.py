@@ -236,13 +236,12 @@ def calibrate_cameras(
         raise InvalidInputError(f"distance: expected {expected}, got none")
     # places of lenses are ignored
     kept = [one for k, one in enumerate(warnings) if one.kind != "unit_wrong" and one not in warnings[:k]]
-    times = [(int(t), one.recording.path.name) for one in seen for t in _with_gap(one.frames)]
     return Calibrated(
         result,
         focal=not isinstance(first.lenses[0], sk.Camera),
         scale="distance" if distance is not None else "adults" if stature is None else "stature",
         recordings=tuple(map(partial(_recorded, result), seen, offsets)),
-        findings=(*kept, *of_moved(result, times), *of_calibration(result, clock)),
+        findings=(*kept, *of_moved(result, _times(seen)), *of_calibration(result, clock)),
         layout=first.detections.skeleton,
         frames=seen[0].frames if len(seen) == 1 else seen[0].step * np.arange(len(result.people[0])),
         fps=first.fps,
@@ -308,9 +307,10 @@ def _calibrated(
     return replace(found, cameras=cameras), [{}] * len(each) if shared else each
 
 
-def _with_gap(frames: Index) -> Index:
-    """Return frame numbers as `one_after_another` has the frames."""
-    return np.append(frames, np.full(GAP, frames[-1]))
+def _times(seen: Sequence[_Seen]) -> list[tuple[int, str]]:
+    """Return number and recording of every frame of all recordings, `one_after_another`."""
+    frames = [(one, [*one.frames, *[one.frames[-1]] * GAP]) for one in seen]
+    return [(int(t), one.recording.path.name) for one, numbers in frames for t in numbers]
 
 
 def _in_step(people: Array, found: sk.RigCalibration) -> Array:

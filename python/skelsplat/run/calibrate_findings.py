@@ -66,27 +66,30 @@ def of_calibration(found: sk.RigCalibration, clock: bool) -> Iterator[Finding]:
                 "camera_disagrees", "warning", Subject((one.name,)), numbers, remedy, sentence=words
             )
     if not found.sure:
-        placed = [one for one in found.report if one.status == "placed"]
-        turn, place = (max(getattr(one, name) for one in placed) for name in ("turn_sigma", "place_sigma"))
-        off = [f"{one.name} {100 * (one.zoom - 1):+.0f} %" for one in placed if one.zoom != 1.0]
-        unknown = np.isfinite([one.focal_sigma for one in placed]).any()
-        stated = "the same for all" if unknown else "those given"
-        lenses = "; giving the lenses helps, or stating that all are the same" if unknown else ""
-        bars = f"one may be off by {with_bar(turn, None)}° or {place:,.0f} mm"
-        why = {
-            "clocks": "the cameras are out of step. Find their clocks as well",
-            "periodic": f"several clocks fit, because the motion repeats itself. {_FILM}, or clap once",
-            "movement": f"the person hardly moves. {_FILM}",
-            "cameras": f"too few cameras agree. Do all of them see the same person at the same time? {_FILM}",
-            "lenses": f"other focal lengths fit than {stated} ({', '.join(off)}). Are the lenses those of "
-            "these cameras, at this zoom and image size? Without them, focal lengths are found",
-            "moved": "a camera was moved again and again while it recorded",
-            "places": f"{bars}. {_FILM}{lenses}",
-        }
-        words = f"This recording does not tell where the cameras are: {why[found.doubts[0]]}."
-        remedy = (
-            () if clock or found.doubts[0] in ("movement", "moved", "lenses") else (Remedy("clock", True),)
-        )
-        numbers = {"degrees_sigma": float(turn), "mm_sigma": float(place)}
-        subject = Subject(tuple(one.name for one in placed))
-        yield Finding("cameras_not_calibrated", "error", subject, numbers, remedy=remedy, sentence=words)
+        yield _unsure(found, clock)
+
+
+def _unsure(found: sk.RigCalibration, clock: bool) -> Finding:
+    """Say why the recording does not tell where the cameras are, and what helps."""
+    placed = [one for one in found.report if one.status == "placed"]
+    turn, place = (max(getattr(one, name) for one in placed) for name in ("turn_sigma", "place_sigma"))
+    off = [f"{one.name} {100 * (one.zoom - 1):+.0f} %" for one in placed if one.zoom != 1.0]
+    unknown = np.isfinite([one.focal_sigma for one in placed]).any()
+    stated = "the same for all" if unknown else "those given"
+    lenses = "; giving the lenses helps, or stating that all are the same" if unknown else ""
+    bars = f"one may be off by {with_bar(turn, None)}° or {place:,.0f} mm"
+    why = {
+        "clocks": "the cameras are out of step. Find their clocks as well",
+        "periodic": f"several clocks fit, because the motion repeats itself. {_FILM}, or clap once",
+        "movement": f"the person hardly moves. {_FILM}",
+        "cameras": f"too few cameras agree. Do all of them see the same person at the same time? {_FILM}",
+        "lenses": f"other focal lengths fit than {stated} ({', '.join(off)}). Are the lenses those of "
+        "these cameras, at this zoom and image size? Without them, focal lengths are found",
+        "moved": "a camera was moved again and again while it recorded",
+        "places": f"{bars}. {_FILM}{lenses}",
+    }
+    words = f"This recording does not tell where the cameras are: {why[found.doubts[0]]}."
+    remedy = () if clock or found.doubts[0] in ("movement", "moved", "lenses") else (Remedy("clock", True),)
+    numbers = {"degrees_sigma": float(turn), "mm_sigma": float(place)}
+    subject = Subject(tuple(one.name for one in placed))
+    return Finding("cameras_not_calibrated", "error", subject, numbers, remedy=remedy, sentence=words)

@@ -45,6 +45,16 @@ const WITHIN: f64 = 4.0;
 const SHOWN: f64 = 4.0;
 /// and by this many frames: less costs little.
 const LEAST_CLOCK: f64 = 0.5;
+
+/// A recording.
+#[derive(Debug, Clone, Copy)]
+pub struct Filmed<'a> {
+    /// What is seen in every frame.
+    pub frames: &'a [Detections],
+    /// Its time, by which the recording is divided: several people may be one after another.
+    pub times: &'a [usize],
+}
+
 /// What is unknown besides the cameras' places.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Unknown {
@@ -91,16 +101,14 @@ pub struct RigCalibration {
 }
 
 /// Adjusts `cameras`, of which only a first guess is known, by the joints that they see: those with
-/// a clock, frames; the others are left out. Each frame has its time, by which a recording is
-/// halved: several people may be one after another.
+/// a clock, frames; the others are left out.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] if numbers do not match, [`Error::Cancelled`].
 pub fn calibrate_cameras(
     cameras: &[Camera],
     clocks: &[Option<f64>],
-    frames: &[Detections],
-    times: &[usize],
+    Filmed { frames, times }: Filmed<'_>,
     layout: &Layout,
     unknown: Unknown,
     config: &RefineConfig,
@@ -133,7 +141,7 @@ pub fn calibrate_cameras(
         let start: Vec<Option<Placed>> = given.iter().zip(clocks).map(placed).collect();
         let distorted = config.undistort;
         let task =
-            Task { given: &given, frames: &used, times, half: None, layout, unknown, distorted };
+            Task { given: &given, frames: &used, times, part: None, layout, unknown, distorted };
         task.solve(&start, progress)
     })
 }
@@ -185,12 +193,12 @@ impl Fit {
 
 /// A part of a recording.
 #[derive(Clone, Copy)]
-enum Half {
+enum Part {
     Before(usize),
     From(usize),
 }
 
-impl Half {
+impl Part {
     fn holds(self, time: usize) -> bool {
         match self {
             Self::Before(middle) => time < middle,
@@ -205,7 +213,7 @@ struct Task<'a> {
     frames: &'a [Detections],
     times: &'a [usize],
     /// Frames before a time, or from it on; `None`: all.
-    half: Option<Half>,
+    part: Option<Part>,
     layout: &'a Layout,
     unknown: Unknown,
     /// Whether pixels are as lenses distort them.
@@ -317,7 +325,7 @@ impl Task<'_> {
         let sees =
             |t: usize, i: usize| (0..n).any(|j| scene.sight(t, i, j, &cameras[i], false).is_some());
         let enough = |t: &usize| (0..cameras.len()).filter(|i| sees(*t, *i)).count() >= 2;
-        let within = |t: &usize| self.half.is_none_or(|half| half.holds(self.times[*t]));
+        let within = |t: &usize| self.part.is_none_or(|part| part.holds(self.times[*t]));
         let all: Vec<usize> = (0..seen.len()).filter(within).filter(enough).collect();
         spread(&all, most)
     }

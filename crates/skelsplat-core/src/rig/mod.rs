@@ -20,7 +20,7 @@ pub mod scene;
 pub mod search;
 
 pub use adjust::{Adjustable, adjust_cameras};
-pub use calibrate::{CalibratedCamera, RigCalibration, Unknown, calibrate_cameras};
+pub use calibrate::{CalibratedCamera, Filmed, RigCalibration, Unknown, calibrate_cameras};
 pub use evidence::Bars;
 pub use placed::{Change, Freedom, Placed};
 pub use report::{CameraAdjustment, CameraStatus, RigAdjustment};

@@ -1,14 +1,16 @@
-//! A camera that was moved while it recorded: what the two halves of a recording say of its place.
+//! A camera that was moved while it recorded: what two parts of a recording say of its place.
 //!
-//! The rigs of both halves hold the first camera, with errors of the covariances C₁ and C₂. Their
-//! difference d has the covariance C₁ + C₂ if nothing moved, but for the scale g, which each half
-//! has its own. If camera i moved by δ ~ N(0, V), d = s g + Eᵢ δ: Eᵢ are its own parameters, or of
-//! the first, all others' together. With W, the inverse of C₁ + C₂ without g, and A = Eᵢᵀ W Eᵢ, that
-//! explains bᵀ (A + V⁻¹)⁻¹ b more, b = Eᵢᵀ W d, and has the odds ε/(1−ε) / √|1 + A V| times as much.
+//! The rigs of both parts hold the first camera, with errors of the covariances C₁ and C₂. Their
+//! difference d has the covariance C₁ + C₂ if nothing moved, but for the scale, which is free in
+//! each: d = s g. If camera i moved by δ ~ N(0, V), d = s g + Eᵢ δ, with Eᵢ its own parameters, or
+//! of the first those in which all others move together. With W, the inverse of C₁ + C₂
+//! without g, A = Eᵢᵀ W Eᵢ and b = Eᵢᵀ W d, this explains t² = bᵀ (A + V⁻¹)⁻¹ b more and is likely a
+//! priori by ε, so that the logarithm of the odds is ln ε/(1−ε) + t²/2 − ½ ln |1 + A V|, with the
+//! tails of a t statistic in place of t²/2.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::{FEW, Fit, Half, Task, WIDER};
+use super::{FEW, Fit, Part, Task, WIDER};
 use crate::batch::Progress;
 use crate::error::Result;
 use crate::rig::bundle::{Lenses, PER_NOISE, places};
@@ -79,19 +81,19 @@ impl Task<'_> {
         time: usize,
         progress: &Progress,
     ) -> Result<[(Explanation, Fit); 2]> {
-        let part = |half: Half| -> Result<(Explanation, Fit)> {
-            let task = Self { half: Some(half), ..*self };
+        let of = |part: Part| -> Result<(Explanation, Fit)> {
+            let task = Self { part: Some(part), ..*self };
             let rig = task.adjusted(views, cameras.to_vec(), FEW, WIDER, progress)?;
             let fit = task.fit(views, &rig.cameras);
             Ok((rig, fit))
         };
-        Ok([part(Half::Before(time))?, part(Half::From(time))?])
+        Ok([of(Part::Before(time))?, of(Part::From(time))?])
     }
 }
 
 /// The camera that moved between two rigs of the same cameras, if one did: the likeliest.
-fn moved_between(halves: [&Explanation; 2], lenses: Lenses, reach: &[f64]) -> Option<usize> {
-    let difference = Difference::between(halves, lenses)?;
+fn moved_between(parts: [&Explanation; 2], lenses: Lenses, reach: &[f64]) -> Option<usize> {
+    let difference = Difference::between(parts, lenses)?;
     let odds = (0..reach.len()).filter_map(|i| Some((i, difference.odds(i, reach[i])?)));
     let best = odds.max_by(|a, b| a.1.total_cmp(&b.1))?;
     (best.1 > 0.0).then_some(best.0)
@@ -112,13 +114,13 @@ impl<'a> Difference<'a> {
         let m = first.cameras.len();
         let q = PLACE * (m - 1);
         let mut covariance = DMatrix::zeros(q, q);
-        for half in [first, second] {
-            let known = places(&half.freedom, lenses);
+        for part in [first, second] {
+            let known = places(&part.freedom, lenses);
             let known: Vec<_> = known.filter(|(i, k, _)| *i > 0 && *k < PLACE).collect();
             for (i, k, a) in &known {
                 for (j, l, b) in &known {
                     covariance[(PLACE * (i - 1) + k, PLACE * (j - 1) + l)] +=
-                        half.judged.steady[(*a, *b)];
+                        part.judged.steady[(*a, *b)];
                 }
             }
         }
@@ -167,8 +169,8 @@ impl<'a> Difference<'a> {
     }
 }
 
-/// The place among these frames, in order of time, from which on camera i is where the second rig has it:
-/// before it, the first rig costs least, and the second from it on.
+/// The place among these frames, in order of time, from which on camera i is where the second rig
+/// has it: before it, the first rig costs least, and the second from it on.
 fn when_moved(
     scene: Scene<'_>,
     frames: &[usize],
@@ -181,9 +183,9 @@ fn when_moved(
     let placed = rigs.map(|rig| scene.points(frames, &rig.cameras, &used));
     let n = scene.n_joints();
     let costs = |t: usize| {
-        [0, 1].map(|half| {
-            let points: &[Vector3<f64>] = &placed[half][n * t..n * (t + 1)];
-            let off = scene.distances(&frames[t..=t], points, i, &rigs[half].cameras[i]);
+        [0, 1].map(|part| {
+            let points: &[Vector3<f64>] = &placed[part][n * t..n * (t + 1)];
+            let off = scene.distances(&frames[t..=t], points, i, &rigs[part].cameras[i]);
             off.iter().map(|(px, mm)| 1.0 - (-0.5 * (px * mm / width).powi(2)).exp()).sum::<f64>()
         })
     };
