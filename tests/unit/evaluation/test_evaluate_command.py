@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -94,6 +95,25 @@ def test_bad_usage_is_status_2_and_one_line(
     error = run(*given, "-o", tmp_path, status=2).stderr
     assert f"{named}: " in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("layout", "arguments", "status", "named"),
+    [
+        ("skelsplat", ["human36m", "-m", "fusion"], 1, "--set monocular=NAME reads"),
+        ("skelsplat", ["human36m", "--detections", "foo"], 2, "--detections: expected metrabs, or .*'foo'"),
+        (
+            "hourglass",
+            ["human36m-hourglass", "--detections", "foo"],
+            2,
+            "--detections: expected none, .*'foo'",
+        ),
+    ],
+)
+def test_an_error_names_the_option(layout, arguments, status, named, tmp_path: Path) -> None:
+    h36m(layout)(tmp_path)
+    error = run(arguments[0], tmp_path, *arguments[1:], "-o", tmp_path / "out", status=status).stderr
+    assert re.search(named, error)
 
 
 # With noise of 1.5 px or less on the detections, no triangulation is further off.
