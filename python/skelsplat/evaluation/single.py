@@ -143,10 +143,10 @@ def evaluate(
     start: Start = "fusion" if fused else "dlt"
     chosen = replace(options or Options(), paper_fields=dict(rules.paper_fields), paper_start=start)
     picked, left_out = select(names, cases, chosen)
-    known = options_of(dataset.name) if dataset.name in datasets.names() else ()
+    ways = options_of(dataset.name) if dataset.name in datasets.names() else ()
     for method in picked:
         for case in cases:
-            method.check(case.given(method.over_time), method.settings(chosen), known)
+            method.check(case.given(method.over_time), method.settings(chosen), ways)
     lines: list[Figures] = []
     for k, method in enumerate(picked):
         solved = _solve(method, cases, dataset.layout, chosen, (k, len(picked)), report)

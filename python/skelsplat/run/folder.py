@@ -8,6 +8,7 @@ import shutil
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -214,8 +215,9 @@ def write_everybody(
     begin_writing(folder, run.report)
     people = {}
     for own, (identity, one) in zip(run.report["folders"], run.people.items(), strict=True):
+        named = None if tell is None else partial(_tell_of, tell, f"person {identity}: ")
         with run_folder(folder / own):
-            people[identity] = write_folder(one, folder / own, writing, of_person(name, own), tell=tell)
+            people[identity] = write_folder(one, folder / own, writing, of_person(name, own), tell=named)
     for together in poses:
         write_people(folder / together, {identity: one.poses for identity, one in run.people.items()})
     if can_draw():
@@ -228,6 +230,10 @@ def write_everybody(
         write_people_html(run, folder / PAGE)
     atomic_write_text(folder / REPORT, to_text(run.report))
     return replace(run, people=people)
+
+
+def _tell_of(tell: Callable[[Finding], None], who: str, finding: Finding) -> None:
+    tell(replace(finding, sentence=who + finding.sentence))
 
 
 def keep_input(job: Job, sources: Sequence[Path] = ()) -> None:
