@@ -16,6 +16,7 @@ from skelsplat._clocks import shifted
 from skelsplat._frozen import frozen, without_frozen
 from skelsplat._placing import Task
 from skelsplat._skelsplat import Camera, Layout, RefineConfig, triangulate
+from skelsplat._words import size_text
 from skelsplat._world import ADULT, Floor, body_size, find_floor, mean_size, moved, movement, upright
 from skelsplat.cameras import CameraRig, altered, without_distortion
 from skelsplat.exceptions import InvalidInputError
@@ -256,8 +257,7 @@ def _check_sizes(seen: Array, cameras: Sequence[Camera]) -> None:
         pixels = seen[:, i, ..., :2][np.isfinite(seen[:, i, ..., :2]).all(axis=-1)]
         outside = ((pixels < 0) | (pixels > np.array(camera.size))).any(axis=-1)
         if len(pixels) and outside.mean() > _OUTSIDE:
-            size = "x".join(map(str, camera.size))
-            expected = f"detections within the image of {camera.name}, {size}"
+            expected = f"detections within the image of {camera.name}, {size_text(camera.size)}"
             raise InvalidInputError(f"size: expected {expected}, got {100 * outside.mean():.0f} % outside")
 
 

@@ -332,6 +332,12 @@ def test_colmaps_images_may_be_without_lines_of_points(tmp_path, views):
     np.testing.assert_array_equal([camera.t for camera in found], [camera.t for camera in rig])
 
 
+def test_a_size_that_the_file_contradicts_is_named_as_options_take_it(tmp_path, views):
+    files.easymocap(tmp_path, views)
+    with pytest.raises(sk.InvalidInputError, match=r"size: expected none or \d+x\d+, .* got 640x480"):
+        read_calibration(tmp_path, size=(640, 480))
+
+
 def test_openpose_files_are_in_natural_order_and_one_file_is_a_camera(tmp_path, views):
     files.openpose(
         tmp_path, [replace(v, name=name) for v, name in zip(views, ["10", "2", "1", "x"], strict=True)]
