@@ -1,4 +1,4 @@
-"""Animation files: what a plain reader of BVH, pygltflib and Blender find in them."""
+"""Animation files: what a plain reader of BVH, pymotion, pygltflib and Blender find in them."""
 
 from __future__ import annotations
 
@@ -167,6 +167,24 @@ def test_glb_and_bvh_say_the_same(tmp_path):
     for part, place in places.items():
         np.testing.assert_allclose(100 * in_metres[part], place, atol=2e-3)
     np.testing.assert_allclose(times, np.arange(T) / FPS, atol=1e-6)
+
+
+@pytest.mark.skipif(not find_spec("pymotion"), reason="pymotion, a reader of BVH, is not installed")
+def test_pymotion_places_the_joints_alike(tmp_path):
+    from pymotion.io.bvh import BVH
+    from pymotion.ops.skeleton import fk
+
+    data, file = walk(), BVH()
+    write_pose(tmp_path / "walk.bvh", data, frame_rate=FPS)
+    file.load(str(tmp_path / "walk.bvh"))
+    turns, moves, parents, offsets, *_ = file.get_data()
+    found = dict(
+        zip(file.data["names"], fk(turns, moves[:, 0], offsets, parents)[0].swapaxes(0, 1), strict=True)
+    )
+    for part, place in read_bvh(tmp_path / "walk.bvh")[0].items():
+        np.testing.assert_allclose(found[part], place, atol=1e-4)
+    for part, joint in JOINTS.items():
+        np.testing.assert_allclose(10 * found[part], upright(data.pose, joint), atol=1.0)
 
 
 BLENDER = """
