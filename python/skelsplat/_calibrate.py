@@ -424,11 +424,7 @@ def _report(found: Mapping[str, Array], names: Sequence[str], i: int, axes: Arra
 
 
 def _are_small(
-    cameras: CameraRig,
-    points: Array,
-    scale: float,
-    report: Sequence[CalibratedCamera],
-    joint_sigma: float,
+    cameras: CameraRig, points: Array, scale: float, report: Sequence[CalibratedCamera], joint_sigma: float
 ) -> bool:
     """Whether all error bars are small enough to be true, of cameras that see points (T, N, 3)."""
     middle = np.nanmedian(points.reshape(-1, 3), axis=0)

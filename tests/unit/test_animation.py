@@ -30,9 +30,7 @@ JOINTS = {
 }
 
 pytestmark = pytest.mark.filterwarnings("ignore::skelsplat.findings.FindingWarning")
-WITH_GLB = pytest.mark.skipif(
-    not find_spec("pygltflib"), reason="pygltflib is not installed: skelsplat[formats]"
-)
+WITH_GLB = pytest.mark.skipif(not find_spec("pygltflib"), reason="pygltflib is not installed")
 
 
 def walk(pose=None, layout="h36m17", frames=None, **others):
@@ -50,11 +48,9 @@ def turn(axis, degrees):
 
 def read_bvh(path):
     """Return what pymotion finds: by joint its places (T, 3), rotations against the parent, and offset."""
-    pytest.importorskip("pymotion", reason="pymotion is not installed: pip install 'skelsplat[dev]'")
-    from pymotion.io.bvh import BVH
+    file = pytest.importorskip("pymotion.io.bvh", reason="pymotion is not installed").BVH()
     from pymotion.rotations.quat_np import to_matrix
 
-    file = BVH()
     file.load(str(path))
     quaternions, moves, parents, offsets, *_ = file.get_data()
     assert (file.data["rot_order"] == ["z", "x", "y"]).all()
@@ -65,9 +61,7 @@ def read_bvh(path):
         places[:, k] = places[:, parent] + np.einsum("tij,tj->ti", world[:, parent], moves[:, k])
         world[:, k] = world[:, parent] @ own[:, k]
     names = file.data["names"].tolist()
-    each = (
-        dict(zip(names, np.moveaxis(one, -axis, 0), strict=True)) for one, axis in ((places, 2), (own, 3))
-    )
+    each = (dict(zip(names, np.moveaxis(one, k, 0), strict=True)) for one, k in ((places, -2), (own, -3)))
     return *each, dict(zip(names, offsets, strict=True)), file.data["frame_time"]
 
 

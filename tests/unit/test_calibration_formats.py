@@ -99,9 +99,7 @@ def test_skew_is_followed_by_half_turning_the_camera(tmp_path, views):
     path = files.dannce(tmp_path, views, skew=2.0)
     with pytest.warns(UserWarning, match="skew is not supported") as caught:
         rig = read_calibration(path, size=(1000, 1000))
-    skewed = [
-        replace(v, K=v.K + 2.0 * np.eye(3, k=1) * [[1], [0], [0]], distortion=np.zeros(5)) for v in views
-    ]
+    skewed = [replace(v, K=v.K + 2 * np.eye(3, k=1) * [[1], [0], [0]], distortion=np.zeros(5)) for v in views]
     plain = [without_distortion(camera) for camera in rig]
     error = np.abs(sk.project(files.points(), plain) - files.projected(skewed)).max()
     assert 0.1 < error < caught[0].message.finding.numbers["error_px"]

@@ -129,8 +129,7 @@ def test_notes_on_a_persons_files_name_the_person(recording, tmp_path, monkeypat
     monkeypatch.setattr("skelsplat.run.folder.can_draw", lambda: False)
     told = []
     run_people(job(recording, output=tmp_path, angles=True), tell=told.append)
-    notes = [one.sentence[:9] for one in told if one.kind == "no_strides"]
-    assert notes == ["person 0:", "person 1:"]
+    assert [one.sentence[:9] for one in told if one.kind == "no_strides"] == ["person 0:", "person 1:"]
 
 
 def test_a_later_run_removes_what_an_earlier_one_wrote(recording, tmp_path):

@@ -118,9 +118,7 @@ def evaluate(
     return answer(found, show, folder, files)
 
 
-def answer(
-    report: Report, show: Callable[[Console], None], folder: Path | None, files: Sequence[str]
-) -> Answer:
+def answer(report: Report, show: Callable[[Console], None], folder: Path | None, files: list[str]) -> Answer:
     """Return the answer of evaluate and ablate: what ``show`` prints, and which files were written."""
 
     def print_all(console: Console) -> None:
@@ -159,24 +157,20 @@ def _of_people(names: Sequence[str], data: Dataset) -> bool:
 
 def _method_names(given: Sequence[str] | None) -> list[str]:
     names = [name.strip() for text in given or () for name in text.split(",") if name.strip()]
-    if names == ["all"]:
-        return names
-    for name in names:
+    for name in names if names != ["all"] else ():
         one_of("--methods", name, (*methods.names, *people.names))
     return names
 
 
-def _read(
-    dataset: str, root: Path, detections: str | None, views: int | None, settings: Sequence[str]
-) -> Dataset:
+def _read(name: str, root: Path, detections: str | None, views: int | None, own: Sequence[str]) -> Dataset:
     """Read a data set with the options of its reader: those given as KEY=VALUE, the detections, the views."""
-    known, found = options_of(dataset), reader_options(settings, dataset)
+    known, found = options_of(name), reader_options(own, name)
     if detections is not None:
-        found |= detections_option(dataset, detections)
-    if views is not None and "views" in known and dataset != "synthetic":  # there the protocol chooses
+        found |= detections_option(name, detections)
+    if views is not None and "views" in known and name != "synthetic":  # there the protocol chooses
         found.setdefault("views", views)
     try:
-        return datasets.read(dataset, root, **found)
+        return datasets.read(name, root, **found)
     except DatasetError as error:
         if detections is None or not error.field.startswith("detector"):
             raise
@@ -187,9 +181,7 @@ def _read(
 # Beyond so many settings they become rows.
 _MOST_COLUMNS = 6
 
-_ABLATE_EPILOG = (
-    "Without --data the data are simulated, which every table says; they are made in memory from the seed."
-)
+_ABLATE_EPILOG = "Without --data, data are simulated in memory from the seed, which every table says."
 
 _ABLATE_OPTIONS = (
     *rows(

@@ -145,11 +145,9 @@ def mirrored_names(joints: Sequence[str]) -> tuple[Pair, ...]:
     legs = [side if side and {*side} & {*_LEG} else None for side in legs]
     pairs = list({*_counterparts(sides), *_counterparts(legs)})
     for letter in _LETTERS:
-        paired = {place for pair in pairs for place in pair}
-        lettered = [
-            None if k in paired or sides[k] else _lettered(name, letter) for k, name in enumerate(joints)
-        ]
-        more = _counterparts(lettered)
+        taken = {place for pair in pairs for place in pair}
+        found = [None if k in taken or sides[k] else _lettered(name, letter) for k, name in enumerate(joints)]
+        more = _counterparts(found)
         pairs += more if len(more) > 1 else []
     return tuple(sorted(pairs))
 

@@ -269,11 +269,7 @@ def _check_lenses(
 
 
 def _opened(
-    path: Path,
-    intrinsics: Path | None,
-    read: dict[str, Any],
-    videos: Path | None,
-    given: Mapping[str, Any],
+    path: Path, intrinsics: Path | None, read: dict[str, Any], videos: Path | None, given: Mapping[str, Any]
 ) -> _Recording:
     """Open the detections of a recording, of cameras whose lenses are known or not."""
     if intrinsics is None:

@@ -8,7 +8,6 @@ import shutil
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -215,9 +214,11 @@ def write_everybody(
     begin_writing(folder, run.report)
     people = {}
     for own, (identity, one) in zip(run.report["folders"], run.people.items(), strict=True):
-        named = None if tell is None else partial(_tell_of, tell, f"person {identity}: ")
         with run_folder(folder / own):
-            people[identity] = write_folder(one, folder / own, writing, of_person(name, own), tell=named)
+            people[identity] = write_folder(one, folder / own, writing, of_person(name, own))
+        for note in people[identity].findings[len(one.findings) :]:
+            if tell is not None:
+                tell(replace(note, sentence=f"person {identity}: {note.sentence}"))
     for together in poses:
         write_people(folder / together, {identity: one.poses for identity, one in run.people.items()})
     if can_draw():
@@ -232,19 +233,13 @@ def write_everybody(
     return replace(run, people=people)
 
 
-def _tell_of(tell: Callable[[Finding], None], who: str, finding: Finding) -> None:
-    tell(replace(finding, sentence=who + finding.sentence))
-
-
 def keep_input(job: Job, sources: Sequence[Path] = ()) -> None:
     """Refuse a folder in which results would overwrite the input or ``sources``, or be mixed with them."""
     if job.output is None:
         return
     out, top = Path(job.output).resolve(), Path(job.detections).resolve()
     written = {(out / name).resolve() for name in (*_POSSIBLE, REPORT)}
-    for path in (
-        Path(file).resolve() for file in (job.calibration, job.detections, job.init) if file is not None
-    ):
+    for path in (Path(file).resolve() for file in (job.calibration, job.detections, job.init) if file):
         of_a_person = any(place.parent == out and is_person(place.name) for place in (path, path.parent))
         if path in {out, *written} or of_a_person:
             raise _in_the_way(path)

@@ -88,9 +88,7 @@ def test_methods_over_time_run_at_a_rate_and_are_left_out_without_one(tmp_path: 
         (["synthetic", "ROOM", "--views", "3"], "--views"),
     ],
 )
-def test_bad_usage_is_status_2_and_one_line(
-    arguments: list[str], named: str, room: Path, tmp_path: Path
-) -> None:
+def test_bad_usage_is_status_2_and_one_line(arguments, named, room: Path, tmp_path: Path) -> None:
     given = [str(room) if one == "ROOM" else one for one in arguments]
     error = run(*given, "-o", tmp_path, status=2).stderr
     assert f"{named}: " in error
@@ -98,22 +96,22 @@ def test_bad_usage_is_status_2_and_one_line(
 
 
 @pytest.mark.parametrize(
-    ("layout", "arguments", "status", "named"),
+    ("layout", "name", "given", "status", "named"),
     [
-        ("skelsplat", ["human36m", "-m", "fusion"], 1, "--set monocular=NAME reads"),
-        ("skelsplat", ["human36m", "--detections", "foo"], 2, "--detections: expected metrabs, or .*'foo'"),
+        ("skelsplat", "human36m", ["-m", "fusion"], 1, "--set monocular=NAME reads"),
+        ("skelsplat", "human36m", ["--detections", "foo"], 2, "--detections: expected metrabs, .*'foo'"),
         (
             "hourglass",
-            ["human36m-hourglass", "--detections", "foo"],
+            "human36m-hourglass",
+            ["--detections", "foo"],
             2,
             "--detections: expected none, .*'foo'",
         ),
     ],
 )
-def test_an_error_names_the_option(layout, arguments, status, named, tmp_path: Path) -> None:
+def test_an_error_names_the_option(layout, name, given, status, named, tmp_path: Path) -> None:
     h36m(layout)(tmp_path)
-    error = run(arguments[0], tmp_path, *arguments[1:], "-o", tmp_path / "out", status=status).stderr
-    assert re.search(named, error)
+    assert re.search(named, run(name, tmp_path, *given, "-o", tmp_path / "out", status=status).stderr)
 
 
 # With noise of 1.5 px or less on the detections, no triangulation is further off.
