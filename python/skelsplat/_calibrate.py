@@ -17,6 +17,7 @@ from skelsplat._clocks import shifted
 from skelsplat._frozen import frozen, without_frozen
 from skelsplat._placing import Task
 from skelsplat._skelsplat import Camera, Layout, RefineConfig, triangulate
+from skelsplat._words import size_text
 from skelsplat._world import ADULT, Floor, body_size, find_floor, mean_size, moved, movement, upright
 from skelsplat.cameras import CameraRig, altered, without_distortion
 from skelsplat.exceptions import InvalidInputError
@@ -264,8 +265,7 @@ def _check_sizes(seen: Array, cameras: Sequence[Camera]) -> None:
         pixels = seen[:, i, ..., :2][np.isfinite(seen[:, i, ..., :2]).all(axis=-1)]
         outside = ((pixels < 0) | (pixels > np.array(camera.size))).any(axis=-1)
         if len(pixels) and outside.mean() > _OUTSIDE:
-            size = "x".join(map(str, camera.size))
-            expected = f"detections within the image of {camera.name}, {size}"
+            expected = f"detections within the image of {camera.name}, {size_text(camera.size)}"
             raise InvalidInputError(f"size: expected {expected}, got {100 * outside.mean():.0f} % outside")
 
 
@@ -433,11 +433,7 @@ def _report(found: Mapping[str, Any], names: Sequence[str], i: int, axes: Array)
 
 
 def _are_small(
-    cameras: CameraRig,
-    points: Array,
-    scale: float,
-    report: Sequence[CalibratedCamera],
-    joint_sigma: float,
+    cameras: CameraRig, points: Array, scale: float, report: Sequence[CalibratedCamera], joint_sigma: float
 ) -> bool:
     """Whether all error bars are small enough to be true, of cameras that see points (T, N, 3)."""
     middle = np.nanmedian(points.reshape(-1, 3), axis=0)

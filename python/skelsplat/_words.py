@@ -39,6 +39,11 @@ def px(error: float | None, digits: int = 1) -> str:
     return f"{error:.{digits}f} px" if error is not None and error < math.inf else "too large to measure"
 
 
+def size_text(size: Sequence[int]) -> str:
+    """Return the width and height of an image as options take them: "1920x1080"."""
+    return "x".join(map(str, size))
+
+
 def capitalised(text: str) -> str:
     """Return a sentence of a clause."""
     return text[0].upper() + text[1:]

@@ -42,8 +42,7 @@ def test_detections_of_images_of_twice_the_size_do_not_make_a_recording_nan():
 
 
 @pytest.mark.parametrize(
-    "fps",
-    [memoryview(np.array(50.0)), np.array("2000", "M8[s]"), [50.0, 50.0], "50", 10**400],
+    "fps", [memoryview(np.array(50.0)), np.array("2000", "M8[s]"), [50.0, 50.0], "50", 10**400]
 )
 @pytest.mark.parametrize("name", ["refine_sequence", "Refiner", "Tracker", "track"])
 def test_a_rate_that_is_no_number_is_named(name, fps):

@@ -1,4 +1,4 @@
-"""Animation files: what a plain reader of BVH, pygltflib and Blender find in them."""
+"""Animation files: what pymotion, pygltflib and Blender find in them."""
 
 from __future__ import annotations
 
@@ -30,9 +30,7 @@ JOINTS = {
 }
 
 pytestmark = pytest.mark.filterwarnings("ignore::skelsplat.findings.FindingWarning")
-WITH_GLB = pytest.mark.skipif(
-    not find_spec("pygltflib"), reason="pygltflib is not installed: skelsplat[formats]"
-)
+WITH_GLB = pytest.mark.skipif(not find_spec("pygltflib"), reason="pygltflib is not installed")
 
 
 def walk(pose=None, layout="h36m17", frames=None, **others):
@@ -49,46 +47,22 @@ def turn(axis, degrees):
 
 
 def read_bvh(path):
-    """Return by joint its places (T, 3) and rotations against the parent, and the time of a frame."""
-    tree, motion = path.read_text().split("MOTION")
-    parents, offsets, stack, name, free = {}, {}, [], None, set()
-    for line in map(str.split, tree.splitlines()):
-        if line and line[0] in ("ROOT", "JOINT"):
-            name = line[1]
-            parents[name] = stack[-1] if stack else None
-        elif line[:1] == ["End"]:
-            name = None
-        elif line == ["{"]:
-            stack.append(name)
-        elif line == ["}"]:
-            stack.pop()
-        elif line[:1] == ["OFFSET"] and stack[-1] is not None:
-            offsets[stack[-1]] = np.array(line[1:], dtype=float)
-        elif line[:1] == ["CHANNELS"]:
-            assert line[-3:] == ["Zrotation", "Xrotation", "Yrotation"]
-            free |= {stack[-1]} if line[1] == "6" else set()
-    frames, time, *rows = motion.strip().splitlines()
-    values = np.array([row.split() for row in rows], dtype=float)
-    assert int(frames.split()[1]) == len(values)
-    places, world, own = {}, {}, {}
-    columns = iter(values.T)
-    for joint, parent in parents.items():
-        move = (
-            np.stack([next(columns) for _ in range(3)], axis=1)
-            if joint in free
-            else np.zeros((len(values), 3))
-        )
-        z, x, y = angles = np.stack([next(columns) for _ in range(3)])
-        assert np.abs(np.diff(angles)).max() < 180.0
-        own[joint] = turn(2, z) @ turn(0, x) @ turn(1, y)
-        if parent is None:
-            places[joint], world[joint] = move, own[joint]
-        else:
-            shift = np.einsum("tij,tj->ti", world[parent], move + offsets[joint])
-            places[joint] = places[parent] + shift
-            world[joint] = world[parent] @ own[joint]
-    assert next(columns, None) is None
-    return places, own, offsets, float(time.split()[2])
+    """Return what pymotion finds: by joint its places (T, 3), rotations against the parent, and offset."""
+    file = pytest.importorskip("pymotion.io.bvh", reason="pymotion is not installed").BVH()
+    from pymotion.rotations.quat_np import to_matrix
+
+    file.load(str(path))
+    quaternions, moves, parents, offsets, *_ = file.get_data()
+    assert (file.data["rot_order"] == ["z", "x", "y"]).all()
+    assert np.abs(np.diff(file.data["rotations"], axis=0)).max() < 180.0
+    own = to_matrix(quaternions)
+    places, world = moves.copy(), own.copy()
+    for k, parent in enumerate(parents[1:], 1):
+        places[:, k] = places[:, parent] + np.einsum("tij,tj->ti", world[:, parent], moves[:, k])
+        world[:, k] = world[:, parent] @ own[:, k]
+    names = file.data["names"].tolist()
+    each = (dict(zip(names, np.moveaxis(one, k, 0), strict=True)) for one, k in ((places, -2), (own, -3)))
+    return *each, dict(zip(names, offsets, strict=True)), file.data["frame_time"]
 
 
 def read_glb(path):
@@ -267,11 +241,12 @@ def test_every_so_many_th_frame_has_its_own_rate(tmp_path):
 
 @pytest.mark.parametrize("layout", ["mouse22", "fly38", "hand21"])
 def test_animals_and_hands_have_their_joints(tmp_path, layout):
-    joints = layouts.get(layout).joints
+    joints = list(layouts.get(layout).joints)
     body = np.random.default_rng(0).normal(0, 100, (len(joints), 3))
     turns = turn(2, np.linspace(0, 90, 20)) @ turn(0, np.linspace(0, 20, 20))
     pose = np.einsum("tij,nj->tni", turns, body) + np.linspace(0, 300, 20)[:, None, None]
-    write_pose(tmp_path / "animal.bvh", walk(pose, layout), frame_rate=FPS, unit="mm")
+    data = PoseData(pose, joints, np.arange(len(pose)), "mm")
+    write_pose(tmp_path / "animal.bvh", data, frame_rate=FPS, unit="mm")
     places, *_ = read_bvh(tmp_path / "animal.bvh")
     assert set(places) == set(joints)
     for joint in joints:

@@ -99,9 +99,7 @@ def test_skew_is_followed_by_half_turning_the_camera(tmp_path, views):
     path = files.dannce(tmp_path, views, skew=2.0)
     with pytest.warns(UserWarning, match="skew is not supported") as caught:
         rig = read_calibration(path, size=(1000, 1000))
-    skewed = [
-        replace(v, K=v.K + 2.0 * np.eye(3, k=1) * [[1], [0], [0]], distortion=np.zeros(5)) for v in views
-    ]
+    skewed = [replace(v, K=v.K + 2 * np.eye(3, k=1) * [[1], [0], [0]], distortion=np.zeros(5)) for v in views]
     plain = [without_distortion(camera) for camera in rig]
     error = np.abs(sk.project(files.points(), plain) - files.projected(skewed)).max()
     assert 0.1 < error < caught[0].message.finding.numbers["error_px"]
@@ -330,6 +328,12 @@ def test_colmaps_images_may_be_without_lines_of_points(tmp_path, views):
     found = read_calibration(tmp_path, unit="m")
     assert found.names == rig.names
     np.testing.assert_array_equal([camera.t for camera in found], [camera.t for camera in rig])
+
+
+def test_a_size_that_the_file_contradicts_is_named_as_options_take_it(tmp_path, views):
+    files.easymocap(tmp_path, views)
+    with pytest.raises(sk.InvalidInputError, match=r"size: expected none or \d+x\d+, .* got 640x480"):
+        read_calibration(tmp_path, size=(640, 480))
 
 
 def test_openpose_files_are_in_natural_order_and_one_file_is_a_camera(tmp_path, views):

@@ -155,8 +155,7 @@ def test_the_table_of_a_command_is_judged_when_that_command_runs(folder):
 
 
 @pytest.mark.parametrize(
-    ("text", "part"),
-    [("max-steps = 3.5", "--max-steps: "), ("offset = 3", "--offset: expected A=B")],
+    ("text", "part"), [("max-steps = 3.5", "--max-steps: "), ("offset = 3", "--offset: expected A=B")]
 )
 def test_a_value_that_the_command_refuses_names_the_option(folder, text, part):
     assert_fails(configured(folder, text, "-o", folder / "x"), 2, part)

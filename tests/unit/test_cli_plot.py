@@ -21,9 +21,7 @@ def h36m(steps=6, **changes):
     """Return a still pose with every joint 100 mm above the last, in metres."""
     pose = np.zeros((steps, 17, 3))
     pose[..., 2] = 0.1 * np.arange(17)
-    return replace(
-        PoseData(pose, tuple(LAYOUT.joints), np.arange(steps) + 10, "m", frame_rate=50.0), **changes
-    )
+    return replace(PoseData(pose, tuple(LAYOUT.joints), np.arange(steps) + 10, "m", frame_rate=50), **changes)
 
 
 def written(path, data):

@@ -77,9 +77,7 @@ MALFORMED = {
         (lambda b: b.file.write_text("[]"), "file"),
         (put("image_id", "a.jpg"), r"\[0\]\.image_id"),
     ],
-    "coco": [
-        (put("image_id", 20251121123456789012), r"\[0\]\.image_id"),
-    ],
+    "coco": [(put("image_id", 20251121123456789012), r"\[0\]\.image_id")],
     "rtmlib_frames": [
         NPZ_CUT,
         (lambda b: b.npz(keypoints=b.array("keypoints")[0]), "keypoints"),
@@ -102,7 +100,7 @@ MALFORMED = {
         (lambda b: b.dlc(lambda table: table.rename(columns={"likelihood": "z"})), "coords"),
     ],
     "deeplabcut_multi": [
-        (lambda b: b.dlc(lambda table: table.drop(columns=[table.columns[0]])), r"pelvis\.x"),
+        (lambda b: b.dlc(lambda table: table.drop(columns=[table.columns[0]])), r"pelvis\.x")
     ],
     "deeplabcut_csv": [
         (lambda b: b.file.write_text(f'{b.file.read_text().strip()},"' + "1,2\n" * 60_000), "line 6"),

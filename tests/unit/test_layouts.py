@@ -153,7 +153,11 @@ def test_an_unknown_layout_is_an_error_with_the_nearest_name(tmp_path):
         (["flpaw", "frpaw", "pawhl", "hlpaw", "hrpaw", "pawhr"], ((0, 1), (3, 4))),  # one pair ends so
         (["LASI", "RASI", "SACR", "LPSI", "RPSI"], ((0, 1), (3, 4))),
         (["nose", "eyel", "eyer", "earl", "earr", "tail"], ((1, 2), (3, 4))),
-        (["lip", "rip", "tail", "rump"], ()),  # a pair by chance
+        (["lip", "rip", "lamp", "ramp", "lung", "rung"], ()),  # pairs by chance
+        (["lip", "rip", "leye", "reye", "lear", "rear"], ((2, 3), (4, 5))),
+        (["paw1LF", "paw2RF", "paw3LH", "paw4RH"], ((0, 1), (2, 3))),
+        (["paw1LF", "paw1RF", "paw2LF", "paw3RF"], ((0, 1),)),
+        (["thumb_l_1", "thumb_r_2"], ()),
         (["FL", "FR", "LF", "RF"], ()),
         (["bright", "blue"], ()),
         (["paw_l_1", "paw_r_1", "paw_l_2", "paw_r_2"], ((0, 1), (2, 3))),

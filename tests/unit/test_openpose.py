@@ -68,11 +68,12 @@ def test_a_joint_that_was_not_detected_is_nan(root, joint):
     assert np.isfinite(people[1, 1, 0, [1, 3]]).all()
 
 
-def test_files_that_pose2sim_set_aside_are_refused_with_what_to_do(root):
-    first = a_file(root, 2, 0)
-    first.rename(first.with_name(f"del_{first.name}"))
-    with pytest.raises(sk.DatasetError, match=r"file name: .*delete files del_\*"):
-        read(root)
+@pytest.mark.parametrize("frames", [[0], [0, 1, 2]])
+def test_files_that_pose2sim_set_aside_are_refused_with_what_to_do(root, frames):
+    for path in [a_file(root, 2, frame) for frame in frames]:
+        path.rename(path.with_name(f"del_{path.name}"))
+    with pytest.raises(sk.DatasetError, match=r"file name: .*delete or rename files del_\*"):
+        read(root, format=None)
 
 
 def test_an_empty_document_is_an_image_with_nobody(root):

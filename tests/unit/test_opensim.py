@@ -156,9 +156,7 @@ def test_a_world_without_a_vertical_is_said(finished_run):
 def balancing(tmp_path_factory):
     """Return the first poses of the embedded recording."""
     paths = sample.extract(tmp_path_factory.mktemp("sample"))
-    job = Job(
-        calibration=paths.calibration, detections=paths.detections, unit="m", layout="body25b", fps=60.0
-    )
+    job = Job(paths.calibration, paths.detections, unit="m", layout="body25b", fps=60.0)
     poses = run_job(job).poses
     return PoseData(poses.pose[:12], poses.joint_names, poses.frames[:12], "m", frame_rate=60.0)
 

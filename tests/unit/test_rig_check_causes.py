@@ -162,8 +162,7 @@ def folders_of(order, names):
 @pytest.mark.parametrize(
     ("motion", "exchange"),
     diagonal(
-        ("walk", "sit", "reach"),
-        (("room", (1, 0, 3, 2)), ("room", (2, 3, 0, 1)), ("dome of 3", (2, 1, 0))),
+        ("walk", "sit", "reach"), (("room", (1, 0, 3, 2)), ("room", (2, 3, 0, 1)), ("dome of 3", (2, 1, 0)))
     ),
 )
 def test_exchanged_cameras_are_no_mirrored_images(motion, exchange):

@@ -125,6 +125,13 @@ def test_of_a_run_of_several_one_is_converted_or_plotted(folder, tmp_path):
     assert invoke("convert", folder / "person_1", tmp_path / "walk.trc").exit_code == 0
 
 
+def test_notes_on_a_persons_files_name_the_person(recording, tmp_path, monkeypatch):
+    monkeypatch.setattr("skelsplat.run.folder.can_draw", lambda: False)
+    told = []
+    run_people(job(recording, output=tmp_path, angles=True), tell=told.append)
+    assert [one.sentence[:9] for one in told if one.kind == "no_strides"] == ["person 0:", "person 1:"]
+
+
 def test_a_later_run_removes_what_an_earlier_one_wrote(recording, tmp_path):
     out = tmp_path / "out"
     several = run_people(job(recording))

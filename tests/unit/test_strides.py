@@ -87,9 +87,8 @@ def test_a_run_with_angles_writes_them_in_metres(tmp_path, monkeypatch):
     assert [row["side"] for row in rows] == [one.side for one in expected]
     for row, one in zip(rows, expected, strict=True):
         assert abs(int(row["first_frame"]) - 100 - one.strike) <= 1
-        assert float(row["length_m"]) == pytest.approx(one.length / 1000, abs=0.04)
-        assert float(row["speed_m_s"]) == pytest.approx(
-            float(row["length_m"]) / float(row["duration_s"]), rel=2e-3
-        )
+        length, seconds, speed = (float(row[name]) for name in ("length_m", "duration_s", "speed_m_s"))
+        assert length == pytest.approx(one.length / 1000, abs=0.04)
+        assert speed == pytest.approx(length / seconds, rel=2e-3)
     assert FILE in report["files"]
     assert "no_strides" not in [finding["kind"] for finding in report["findings"]]

@@ -61,6 +61,8 @@ pub(crate) fn adjust_cameras<'py>(
     Ok((done.cameras.into_iter().map(Camera).collect(), out))
 }
 
+type Number = (&'static str, fn(&CalibratedCamera) -> f64);
+
 /// Return placed cameras in any scale, the fields of every ``skelsplat.CalibratedCamera``, radians,
 /// and in this scale the person's stature and how far joints are off because of the cameras.
 #[pyfunction]
@@ -97,7 +99,6 @@ pub(crate) fn calibrate_cameras<'py>(
     let places: Vec<f64> =
         cameras.iter().flat_map(|camera| camera.bars.place.data.0).flatten().collect();
     out.set_item("shift_covariance", Out(places, vec![m, 3, 3]))?;
-    type Number = (&'static str, fn(&CalibratedCamera) -> f64);
     let numbers: [Number; 7] = [
         ("clock", |camera| camera.placed.clock),
         ("turn_sigma", |camera| camera.bars.turn),

@@ -234,6 +234,8 @@ class Command(_FlagHelp, TyperCommand):
         def typed(found: re.Match[str]) -> str:
             keyword, joint, quoted, bare = found.groups()
             option, words = self._option(keyword), quoted or ("none" if bare == "None" else bare)
+            if option is None:  # of the reader of a data set
+                joint, option = keyword, self._option("set")
             words = words if joint is None else f"{joint}={words}"
             return found[0] if option is None else f"{option} {shlex.quote(words) if words else ''}".rstrip()
 

@@ -28,7 +28,7 @@ from skelsplat.datasets._registry import detections_option, options_of
 from skelsplat.evaluation import ablations, methods, people, protocols, single
 from skelsplat.evaluation.ablations import Source
 from skelsplat.evaluation.tables import Report, Table
-from skelsplat.exceptions import InvalidInputError
+from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.run.folder import output_folder
 
 _EVALUATE_EPILOG = "FOLDER has report.md, report.csv and report.json."
@@ -89,7 +89,7 @@ def evaluate(
     views = given.pop("views", None)
     every = given.pop("every", None)
     chosen = methods.Options(undistort=protocol, **given)
-    data = datasets.read(dataset, root, **_reader_options(dataset, detections, views, set))
+    data = _read(dataset, root, detections, views, set)
     for finding in datasets.verify(data):
         tell(finding, f"{', '.join(finding.subject.files)}: ")
     if fps is not None:
@@ -118,9 +118,7 @@ def evaluate(
     return answer(found, show, folder, files)
 
 
-def answer(
-    report: Report, show: Callable[[Console], None], folder: Path | None, files: Sequence[str]
-) -> Answer:
+def answer(report: Report, show: Callable[[Console], None], folder: Path | None, files: list[str]) -> Answer:
     """Return the answer of evaluate and ablate: what ``show`` prints, and which files were written."""
 
     def print_all(console: Console) -> None:
@@ -159,31 +157,31 @@ def _of_people(names: Sequence[str], data: Dataset) -> bool:
 
 def _method_names(given: Sequence[str] | None) -> list[str]:
     names = [name.strip() for text in given or () for name in text.split(",") if name.strip()]
-    if names == ["all"]:
-        return names
-    for name in names:
+    for name in names if names != ["all"] else ():
         one_of("--methods", name, (*methods.names, *people.names))
     return names
 
 
-def _reader_options(
-    dataset: str, detections: str | None, views: int | None, settings: Sequence[str]
-) -> dict[str, Any]:
-    """Return the options of the reader: those given as KEY=VALUE, the detections, the views."""
-    known, found = options_of(dataset), reader_options(settings, dataset)
+def _read(name: str, root: Path, detections: str | None, views: int | None, own: Sequence[str]) -> Dataset:
+    """Read a data set with the options of its reader: those given as KEY=VALUE, the detections, the views."""
+    known, found = options_of(name), reader_options(own, name)
     if detections is not None:
-        found |= detections_option(dataset, detections)
-    if views is not None and "views" in known and dataset != "synthetic":  # there the protocol chooses
+        found |= detections_option(name, detections)
+    if views is not None and "views" in known and name != "synthetic":  # there the protocol chooses
         found.setdefault("views", views)
-    return found
+    try:
+        return datasets.read(name, root, **found)
+    except DatasetError as error:
+        if detections is None or not error.field.startswith("detector"):
+            raise
+        expected = f"expected {error.expected}, or a folder or file, got {error.actual}"
+        raise typer.BadParameter(expected, param_hint="--detections") from error
 
 
 # Beyond so many settings they become rows.
 _MOST_COLUMNS = 6
 
-_ABLATE_EPILOG = (
-    "Without --data the data are simulated, which every table says; they are made in memory from the seed."
-)
+_ABLATE_EPILOG = "Without --data, data are simulated in memory from the seed, which every table says."
 
 _ABLATE_OPTIONS = (
     *rows(
@@ -239,10 +237,7 @@ def ablate(
         dataset, root = one_of("--data", data[0], datasets.names()), data[1]
         sets = protocols.get(dataset).view_sets if dataset in protocols.names and name == "views" else ()
         views = max(sets, default=None)
-        choices["data"] = [
-            datasets.read(dataset, root, **_reader_options(dataset, one, views, set))
-            for one in detections or (None,)
-        ]
+        choices["data"] = [_read(dataset, root, one, views, set) for one in detections or (None,)]
     elif detections or set:
         expected = "expected a data set for --detections and --set, got none"
         raise typer.BadParameter(expected, param_hint="--data")

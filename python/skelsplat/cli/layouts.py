@@ -34,7 +34,7 @@ _EPILOG = (
             h5, csv or config.yaml. Without it, all built-in layouts are listed. [optional]
         --toml  Print the layout as a layout file.
         --quiet, -q  Only the names of layouts or joints, a line each.
-        """,
+        """
     ),
     epilog=_EPILOG,
 )

@@ -33,7 +33,7 @@ _PLOT_OPTIONS = rows(
     Drawing:
     --only FIGURES  Figures to draw: some of trajectories, bones, errors, angles.
         [trajectories,bones,errors; angles too of a run with --angles]
-    --joints A,B,…  Joints for the trajectories, or all. [wrists and ankles, or the first four]
+    --joints A,B,…  Joints of trajectories and angles, or all. [wrists and ankles, or first four; all angles]
     --range A-B  Frames to draw, by the run's frame numbers; A- and -B are open ranges; A is one frame. [all]
     --layout NAME  Joint layout, for limbs and sides: a name, or a layout file (.toml).
         [that of the run, or found from the joints' names]

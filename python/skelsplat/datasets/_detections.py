@@ -63,8 +63,8 @@ def choose_detector(survey: Survey, there: dict[str, Path], wanted: str | None, 
         return chosen
     if detector_name(wanted) not in there:
         survey.lacks([usual.parent / f"2d_{wanted}"], "detections")
-        expected, got = f"detections of {detector_name(wanted)}", ", ".join(there) or "none"
-        raise DatasetError(usual.parent, "detector", expected, f"only {got}")
+        expected = " or ".join(there) or "none, as there are no detections"
+        raise DatasetError(usual.parent, "detector", expected, f"{wanted!r}")
     return detector_name(wanted)
 
 

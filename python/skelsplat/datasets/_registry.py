@@ -71,8 +71,12 @@ def options_of(name: str) -> tuple[str, ...]:
 
 def detections_option(name: str, which: str) -> dict[str, Any]:
     """Return the reader's option for detections: a detector's name, or a path outside the root."""
-    apart = Path(which).exists() and "detections" in options_of(name)
-    return {"detections": Path(which)} if apart else {"detector": which}
+    known = options_of(name)
+    if "detections" in known and Path(which).exists():
+        return {"detections": Path(which)}
+    if "detector" not in known:
+        raise InvalidInputError(f"detections: expected none, as {name} has its own, got {which!r}")
+    return {"detector": which}
 
 
 def _checked(name: str, root: str | os.PathLike[str], options: Mapping[str, Any]) -> Path:
@@ -80,7 +84,9 @@ def _checked(name: str, root: str | os.PathLike[str], options: Mapping[str, Any]
     known = options_of(name)
     for option in options:
         if option not in known:
-            raise InvalidInputError(f"{option}: expected an option of {name} ({', '.join(known)}), got this")
+            raise InvalidInputError(
+                f"{option}: expected an option of {name} ({', '.join(known)}), got {option}"
+            )
     if not Path(root).exists():
         raise DatasetError(Path(root), "root", f"the folder of {name}", "nothing in this place")
     return Path(root)

@@ -21,13 +21,7 @@ import numpy as np
 
 from skelsplat._arrays import Array, Index
 from skelsplat.cameras import MM_PER_UNIT
-from skelsplat.datasets._detections import (
-    detections_of,
-    poses_file,
-    read_truth,
-    read_world,
-    with_detections,
-)
+from skelsplat.datasets._detections import detections_of, poses_file, read_truth, read_world, with_detections
 from skelsplat.datasets._files import Survey, read_cameras
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of

@@ -56,7 +56,7 @@ def read(
     if index["joints"].names() != list(layout.joints):
         raise index["joints"].error(f"those of {layout.name}", ", ".join(index["joints"].names()))
     if detector not in detectors:
-        raise index["detectors"].error(f"the detector {detector!r}", ", ".join(detectors))
+        raise index["detectors"].error(" or ".join(detectors), f"{detector!r}")
     files = {name: root / "cameras" / f"{name}.json" for name in index["cameras"].names()}
     rigs = {name: read_cameras(survey.find([path], "cameras"), "json") for name, path in files.items()}
     fps = index["fps"].number() if "fps" in index else None

@@ -11,7 +11,7 @@ Those that need a trained network are not here: their published figures are in
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
@@ -50,6 +50,7 @@ FIELDS = {
     "frames": "consecutive numbers of frames",
 }
 """What methods need of a take, in words."""
+_GUESSES = ' (monocular="NAME" reads those in initial_guess/NAME)'
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,11 +139,13 @@ class Method:
         single = self.over_time and not (np.diff(take.frames) == 1).any()
         return "frames" if missing is None and single else missing
 
-    def check(self, take: Take, settings: Settings) -> None:
-        """Raise `DatasetError` if the take lacks what the method needs."""
+    def check(self, take: Take, settings: Settings, options: Sequence[str] = ()) -> None:
+        """Raise `DatasetError` if the take lacks what the method needs; its reader has ``options``."""
         missing = self.lacks(take, settings)
         if missing is not None:
-            raise DatasetError(take.key, missing, f"{FIELDS[missing]}, for the method {self.name}", "none")
+            way = _GUESSES if missing == "monocular" and missing in options else ""
+            expected = f"{FIELDS[missing]}{way}, for the method {self.name}"
+            raise DatasetError(take.key, missing, expected, "none")
 
 
 def without_lens(rig: CameraRig) -> CameraRig:

@@ -12,8 +12,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib.util import find_spec
 
+from skelsplat import datasets
 from skelsplat._skelsplat import Layout
 from skelsplat.datasets import Dataset
+from skelsplat.datasets._registry import options_of
 from skelsplat.evaluation import methods, protocols
 from skelsplat.evaluation.methods import Method, Options, Solution, Start
 from skelsplat.evaluation.protocols import Case, Protocol
@@ -141,9 +143,10 @@ def evaluate(
     start: Start = "fusion" if fused else "dlt"
     chosen = replace(options or Options(), paper_fields=dict(rules.paper_fields), paper_start=start)
     picked, left_out = select(names, cases, chosen)
+    ways = options_of(dataset.name) if dataset.name in datasets.names() else ()
     for method in picked:
         for case in cases:
-            method.check(case.given(method.over_time), method.settings(chosen))
+            method.check(case.given(method.over_time), method.settings(chosen), ways)
     lines: list[Figures] = []
     for k, method in enumerate(picked):
         solved = _solve(method, cases, dataset.layout, chosen, (k, len(picked)), report)

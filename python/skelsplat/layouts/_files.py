@@ -40,13 +40,14 @@ _SIDES = {"l": "left", "r": "right", "left": "left", "right": "right"}
 _WITHIN = r"(?i:(?<=left)|(?<=right))(?=[A-Za-z])|(?<=^[LR])(?=[a-z])|(?<=[A-Za-z])(?=(?i:left|right))"
 # The letter of a side alone: at the beginning, after or before the letter of a leg, at the end.
 _LETTERS = ("^([lr])", "^[bfhm]([lr])", "([lr])[bfhm]$", "([lr])$")
+# Beside such a letter, names in small letters have one of these: lip and rip are no pair.
+_PARTS = re.compile(
+    "ankle|antenna|arm|asi|brow|cheek|claw|ear|elb|eye|femur|fin|flank|foot|hand|heel|hip|hock|hoof|kne|leg|limb"
+    "|mouth|nostril|paw|psi|pupil|shank|sho|tarsus|thigh|thumb|tibia|toe|whisker|wing|wri"
+)
 # Legs by their initials: FL and LF are the left front one.
-_LEGS = {
-    code: f"{leg} {side}"
-    for leg in ("front", "hind", "back", "middle", "rear")
-    for side in "lr"
-    for code in (leg[0] + side, side + leg[0])
-}
+_LEG = ("front", "hind", "back", "middle", "rear")
+_LEGS = {code: f"{leg} {side}" for leg in _LEG for side in "lr" for code in (leg[0] + side, side + leg[0])}
 
 Pair = tuple[int, int]
 
@@ -135,17 +136,18 @@ def mirrored_names(joints: Sequence[str]) -> tuple[Pair, ...]:
 
     A side is a word or part of one: ``left_ear``, ``ear_l``, ``EarL``, ``Lear``, ``leftear``, ``hindright``,
     ``FL`` and ``RH`` (front left, right hind), in one joint only once. A joint without exactly one
-    counterpart is in no pair. The first or last letter is one, as of ``LASI`` or ``rfpaw``, if at least two
-    pairs have it there.
+    counterpart is in no pair. Paws that are numbered through, as ``paw1LF`` and ``paw2RF``, are pairs too.
+    The first or last letter is a side, as of ``LASI`` or ``rfpaw``, if at least two pairs in capitals or of
+    parts of the body have it there.
     """
     sides = [_side(name) for name in joints]
-    pairs = _counterparts(sides)
+    legs = [side and tuple(word for word in side if not word.isdigit()) for side in sides]
+    legs = [side if side and {*side} & {*_LEG} else None for side in legs]
+    pairs = list({*_counterparts(sides), *_counterparts(legs)})
     for letter in _LETTERS:
-        paired = {place for pair in pairs for place in pair}
-        lettered = [
-            None if k in paired or sides[k] else _lettered(name, letter) for k, name in enumerate(joints)
-        ]
-        more = _counterparts(lettered)
+        taken = {place for pair in pairs for place in pair}
+        found = [None if k in taken or sides[k] else _lettered(name, letter) for k, name in enumerate(joints)]
+        more = _counterparts(found)
         pairs += more if len(more) > 1 else []
     return tuple(sorted(pairs))
 
@@ -160,7 +162,10 @@ def _counterparts(sides: Sequence[tuple[str, ...] | None]) -> list[Pair]:
 def _lettered(name: str, letter: str) -> tuple[str, ...] | None:
     """Return the side that a letter of a name is, what is before it and after it; None if it is none."""
     found = re.search(letter, name.lower())
-    return found and (_SIDES[found[1]], name[: found.start(1)], name[found.end(1) :])
+    if found is None:
+        return None
+    rest = name[: found.start(1)], name[found.end(1) :]
+    return (_SIDES[found[1]], *rest) if name.isupper() or _PARTS.search("".join(rest).lower()) else None
 
 
 def _side(name: str) -> tuple[str, ...] | None:

@@ -53,10 +53,7 @@ class AdjustedTogether:
 
 
 def adjust_together(
-    jobs: Mapping[str, Job],
-    folder: Path,
-    key_of: Callable[[Job], str],
-    earlier: Sequence[AdjustedTogether],
+    jobs: Mapping[str, Job], folder: Path, key_of: Callable[[Job], str], earlier: Sequence[AdjustedTogether]
 ) -> Iterator[AdjustedTogether]:
     """Adjust the cameras of all jobs that ask for it and have one calibration with others, and write them.
 

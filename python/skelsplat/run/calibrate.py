@@ -16,6 +16,7 @@ from skelsplat._arrays import Array, Index, take_people
 from skelsplat._clocks import shifted
 from skelsplat._frozen import frozen, frozen_finding
 from skelsplat._who import GAP, one_after_another
+from skelsplat._words import size_text
 from skelsplat.exceptions import DatasetError, DegenerateGeometryError, InvalidInputError
 from skelsplat.findings import Finding, collected_warnings, warn
 from skelsplat.io.detections import Opened as Detections
@@ -263,11 +264,7 @@ def _check_lenses(
 
 
 def _opened(
-    path: Path,
-    intrinsics: Path | None,
-    read: dict[str, Any],
-    videos: Path | None,
-    given: Mapping[str, Any],
+    path: Path, intrinsics: Path | None, read: dict[str, Any], videos: Path | None, given: Mapping[str, Any]
 ) -> _Recording:
     """Open the detections of a recording, of cameras whose lenses are known or not."""
     if intrinsics is None:
@@ -397,8 +394,8 @@ def _sizes(opened: Detections, detections: Path, videos: Path | None, size: Size
         stated = {**{name: video.size for name, video in beside.items()}, **stated}
     other = [name for name, known in stated.items() if size not in (None, known)]
     if other:
-        expected = f"none or {'x'.join(map(str, stated[other[0]]))}, which the files state for {other[0]}"
-        raise InvalidInputError(f"size: expected {expected}, got {'x'.join(map(str, size or ()))}")
+        expected = f"none or {size_text(stated[other[0]])}, which the files state for {other[0]}"
+        raise InvalidInputError(f"size: expected {expected}, got {size_text(size or ())}")
     missing = [name for name in names if name not in stated]
     if missing and size is None:
         expected = f"the width and height of the images of {', '.join(missing)}, because neither the "

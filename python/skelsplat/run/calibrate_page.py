@@ -135,11 +135,7 @@ def _numbers(found: Calibrated) -> Iterator[tuple[str, str, str]]:
     yield "cameras placed", f"{len(placed)} of {len(result.report)}", remark
     yield "largest turn ±", f"{length(turn)}°", "above 3° nothing is written"
     yield "largest place ±", f"{length(place, 0)} mm", "above 6% of the camera's distance nothing is written"
-    yield (
-        "joints ±",
-        f"{length(result.cameras.joint_sigma)} mm",
-        "by the cameras, in error bars of poses",
-    )
+    yield ("joints ±", f"{length(result.cameras.joint_sigma)} mm", "by the cameras, in error bars of poses")
     yield "lengths ±", f"{number(100 * result.scale_sigma)}%", _SCALES[found.scale]
     known = np.isfinite(result.up_sigma)
     up = (

@@ -215,7 +215,10 @@ def write_everybody(
     people = {}
     for own, (identity, one) in zip(run.report["folders"], run.people.items(), strict=True):
         with run_folder(folder / own):
-            people[identity] = write_folder(one, folder / own, writing, of_person(name, own), tell=tell)
+            people[identity] = write_folder(one, folder / own, writing, of_person(name, own))
+        for note in people[identity].findings[len(one.findings) :]:
+            if tell is not None:
+                tell(replace(note, sentence=f"person {identity}: {note.sentence}"))
     for together in poses:
         write_people(folder / together, {identity: one.poses for identity, one in run.people.items()})
     if can_draw():
@@ -236,9 +239,7 @@ def keep_input(job: Job, sources: Sequence[Path] = ()) -> None:
         return
     out, top = Path(job.output).resolve(), Path(job.detections).resolve()
     written = {(out / name).resolve() for name in (*_POSSIBLE, REPORT)}
-    for path in (
-        Path(file).resolve() for file in (job.calibration, job.detections, job.init) if file is not None
-    ):
+    for path in (Path(file).resolve() for file in (job.calibration, job.detections, job.init) if file):
         of_a_person = any(place.parent == out and is_person(place.name) for place in (path, path.parent))
         if path in {out, *written} or of_a_person:
             raise _in_the_way(path)

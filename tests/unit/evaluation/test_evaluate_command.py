@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -87,13 +88,30 @@ def test_methods_over_time_run_at_a_rate_and_are_left_out_without_one(tmp_path: 
         (["synthetic", "ROOM", "--views", "3"], "--views"),
     ],
 )
-def test_bad_usage_is_status_2_and_one_line(
-    arguments: list[str], named: str, room: Path, tmp_path: Path
-) -> None:
+def test_bad_usage_is_status_2_and_one_line(arguments, named, room: Path, tmp_path: Path) -> None:
     given = [str(room) if one == "ROOM" else one for one in arguments]
     error = run(*given, "-o", tmp_path, status=2).stderr
     assert f"{named}: " in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("layout", "name", "given", "status", "named"),
+    [
+        ("skelsplat", "human36m", ["-m", "fusion"], 1, "--set monocular=NAME reads"),
+        ("skelsplat", "human36m", ["--detections", "foo"], 2, "--detections: expected metrabs, .*'foo'"),
+        (
+            "hourglass",
+            "human36m-hourglass",
+            ["--detections", "foo"],
+            2,
+            "--detections: expected none, .*'foo'",
+        ),
+    ],
+)
+def test_an_error_names_the_option(layout, name, given, status, named, tmp_path: Path) -> None:
+    h36m(layout)(tmp_path)
+    assert re.search(named, run(name, tmp_path, *given, "-o", tmp_path / "out", status=status).stderr)
 
 
 # With noise of 1.5 px or less on the detections, no triangulation is further off.

@@ -18,7 +18,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._atomic import atomic_write, atomic_write_text
 from skelsplat._budget import MOST_CAMERAS, MOST_NAME, opened, within_memory
-from skelsplat._words import metric
+from skelsplat._words import metric, size_text
 from skelsplat.cameras import MM_PER_UNIT, altered
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.findings import Finding, Subject, warn
@@ -188,7 +188,7 @@ def _recognised(source: Source) -> CalibrationFormat | None:
 def _check_options(chosen: CalibrationFormat, options: Mapping[str, Any]) -> None:
     for name, value in options.items():
         if value is not None and name not in chosen.options:
-            shown = "x".join(map(str, value)) if isinstance(value, tuple) else repr(value)
+            shown = size_text(value) if isinstance(value, tuple) else repr(value)
             raise InvalidInputError(f"{name}: expected none for {chosen.name} files, got {shown}")
     binning = options["binning"]
     if binning is not None and not (np.isfinite(binning) and binning >= 1.0):
@@ -200,11 +200,11 @@ def _size(path: Path, camera: RawCamera, given: Size | Mapping[str, Size] | None
     if isinstance(given, Mapping):
         given = given.get(camera.name)
     if camera.size is None and given is None:
-        expected = f"the images' (width, height) for camera {camera.name!r}"
+        expected = f"the width and height of the images of camera {camera.name!r}"
         raise InvalidInputError(f"size: expected {expected}, because {path} does not contain it, got none")
-    if given is not None and camera.size not in (None, tuple(given)):
-        expected = f"none or {camera.size}, the size of camera {camera.name!r} in {path}"
-        raise InvalidInputError(f"size: expected {expected}, got {tuple(given)}")
+    if given is not None and camera.size is not None and camera.size != tuple(given):
+        expected = f"none or {size_text(camera.size)}, the size of camera {camera.name!r} in {path}"
+        raise InvalidInputError(f"size: expected {expected}, got {size_text(given)}")
     return camera.size or given  # type: ignore[return-value]
 
 

@@ -24,7 +24,7 @@ FrameMode = Literal["strict", "intersection", "union"]
 FRAME_MODES = ("strict", "intersection", "union")
 _FEW = 0.1  # of the frames: where more are missing, the numbers are not those of a whole recording
 _NAMED = 3  # spans of missing frames that a message names
-_SET_ASIDE = "del_"  # before the name of a file that Pose2Sim's synchronisation cut off
+_SET_ASIDE = "del_"  # before the name of a JSON file that Pose2Sim's synchronisation cut off
 _LAST = re.compile(r"\d+(?=\D*$)")  # the last integer in a name
 _OTHER_MODES = '; frames="intersection" reads those that all have, frames="union" every frame'
 
@@ -145,6 +145,9 @@ def frame_files(folder: Path, pattern: str, expected: str, advice: str = "") -> 
     for path in sorted(folder.glob(pattern)):
         if path.name.startswith("."):  # "._name" of macOS beside every file on foreign disks
             continue
+        if path.name.startswith(_SET_ASIDE) and path.suffix == ".json":
+            expected = f"a frame to read; delete or rename files {_SET_ASIDE}*, which Pose2Sim set aside"
+            raise DatasetError(path, "file name", expected, f"{path.name!r}")
         digits = re.findall(r"\d+", path.stem)
         if not digits:
             raise DatasetError(path, "file name", "a frame number in it", f"{path.name!r}")
@@ -169,6 +172,4 @@ def _check_one_recording(files: Mapping[int, Path]) -> None:
     for (first, here), (second, there) in pairwise(rests.items()):
         if natural(here) >= natural(there) if kinds == len(rests) else here != there:
             expected = "names that differ in the frame's number alone (the last integer), or in its order"
-            if any(name.startswith(_SET_ASIDE) for name in (here, there)):
-                expected += f"; delete files {_SET_ASIDE}*, which Pose2Sim set aside"
             raise DatasetError(second, "file name", expected, f"{second.name!r} after {first.name!r}")

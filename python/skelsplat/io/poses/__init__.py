@@ -74,16 +74,14 @@ def pose_format(path: str | os.PathLike[str]) -> str:
     return max(fitting, key=len)
 
 
-def check_pose_format(
-    kind: str, frames: Index | None = None, joint_names: Sequence[str] | None = None
-) -> None:
+def check_pose_format(kind: str, frames: Index | None = None, joint_names: Sequence[str] = ()) -> None:
     """Raise before long work if a package is missing for this kind of file, or frames or names do not fit."""
     for module in POSE_FORMATS[kind].packages:
         require(module, f".{kind} files")
     if kind == "c3d" and frames is not None:
-        check_c3d(frames, joint_names or ())
+        check_c3d(frames, joint_names)
     if kind == "trc":
-        check_trc_names(joint_names or ())
+        check_trc_names(joint_names)
     if kind in ("bvh", "glb") and frames is not None:
         check_animation(frames)
 
@@ -110,9 +108,7 @@ def read_pose(path: str | os.PathLike[str]) -> PoseData:
     read = POSE_FORMATS[pose_format(path)].read
     if read is None:
         known = ", ".join(f".{kind}" for kind in READ)
-        raise InvalidInputError(
-            f"path: expected poses as {known}, got {Path(path).name!r}, which is only written"
-        )
+        raise InvalidInputError(f"path: expected {known}, got {Path(path).name!r}, which is only written")
     return read(path)
 
 

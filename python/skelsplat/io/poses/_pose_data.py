@@ -107,6 +107,7 @@ class PoseData:
         for name, (_, kind) in _ALL.items():
             object.__setattr__(self, name, _READ[kind](getattr(self, name), name))
         for name in ("joint_names", "camera_names", "processing"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
             for text in getattr(self, name):
                 is_unicode = isinstance(text, str) and text.encode(errors="replace").decode() == text
                 if not is_unicode or "\0" in text:  # which ends a text in npz, C3D and NetCDF

@@ -4,9 +4,9 @@
 //! difference d has the covariance C₁ + C₂ if nothing moved, but for the scale, which is free in
 //! each: d = s g. If camera i moved by δ ~ N(0, V), d = s g + Eᵢ δ, with Eᵢ its own parameters, or
 //! of the first those in which all others move together. With W, the inverse of C₁ + C₂
-//! without g, A = Eᵢᵀ W Eᵢ and b = Eᵢᵀ W d, this explains t² = bᵀ (A + V⁻¹)⁻¹ b more and is likely a
-//! priori by ε, so that the logarithm of the odds is ln ε/(1−ε) + t²/2 − ½ ln |1 + A V|, with the
-//! tails of a t statistic in place of t²/2.
+//! without g, A = Eᵢᵀ W Eᵢ and b = Eᵢᵀ W d, this explains t² = bᵀ (A + V⁻¹)⁻¹ b more. It happens
+//! with the probability ε, so that the logarithm of the odds is ln ε/(1−ε) + t²/2 − ½ ln |1 + A V|,
+//! with the tails of a t statistic in place of t²/2.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
