@@ -8,7 +8,8 @@ Simulated: ten seconds (with clocks: twenty, started up to ten apart) at 30 Hz o
 each begun where the one before ended (without the data: the package's synthetic motions), and detections with
 memory (`recordings.noise`). A case says what is known: `known` or unknown focal lengths, `focal`, or `same`
 of all; `wide` lenses of 60 to 110° instead of the room's 47°; `occluded 2`, `occluded 3`; `clocks`;
-`useless`: one camera sees another take. *moves*: the person covers a metre along an axis.
+`useless`: one camera sees another take; `knocked`: one is turned by 3° between 0.3 and 0.7 of the time, and
+right as in the longer part; named: it is, or any other. *moves*: the person covers a metre along an axis.
 
 Several people: a case with `2 people` or `3 people`, `simulate_scene` in a ring of cameras at one height, and
 with `bystander` one whom two cameras see. oracle: the same with the true association, which is not given
@@ -56,12 +57,12 @@ from skelsplat.exceptions import DegenerateGeometryError
 FPS, FRAMES, SPREAD_S, MOVES_MM = 30.0, 300, 5.0, 1000.0
 # Frames in which one take passes into the next, and headings of which the one is taken that stays nearest.
 BLEND, HEADINGS = 15, 24
-WIDE_DEG = (60.0, 110.0)
+WIDE_DEG, KNOCKED_DEG = (60.0, 110.0), 3.0
 # Several people: distance of the cameras from the middle of the room, and what the people do.
 ROOM_MM, MEETINGS = 4500.0, ("cross", "handover", "circle", "behind", "leave")
 REAL_CASES = ("known", "focal", "same", "known, clocks")
 CASES = (
-    *("known", "known, occluded 2", "known, occluded 3", "known, clocks", "known, useless"),
+    *("known", "known, occluded 2", "known, occluded 3", "known, clocks", "known, useless", "known, knocked"),
     *("focal", "focal, wide", "same", "focal, occluded 2", "focal, clocks", "focal, useless"),
 )
 # Real takes: frames of 50 Hz, joints that have a truth, and frames by which cameras are late.
@@ -89,6 +90,7 @@ class Recording:
     late: FloatArray  # frames
     truth: FloatArray  # (T, N, 3) mm
     useless: int | None = None
+    knocked: int | None = None
     layout: sk.Layout | str = "h36m17"
     fps: float = FPS
     oracle: FloatArray | None = None  # detections of several people one after another
@@ -134,7 +136,7 @@ def simulated(views: int, seed: int, case: str) -> Recording:
     frames = (2 if extra else 1) * FRAMES
     poses = recordings.placed(motion(frames + 2 * extra, seed), sk.CameraRig(cameras), seed)
 
-    def seen(poses: FloatArray, i: int) -> FloatArray:
+    def seen(poses: FloatArray, i: int, cameras: Sequence[sk.Camera] = cameras) -> FloatArray:
         moved = at(poses, -late[i])[extra : extra + frames]
         return synthetic.simulate_detections(moved, cameras, noise=detector, layout="h36m17", seed=seed)[:, i]
 
@@ -143,7 +145,16 @@ def simulated(views: int, seed: int, case: str) -> Recording:
     if useless is not None:
         other = motion(frames + 2 * extra, 10_000 + seed)
         detections[:, useless] = seen(recordings.placed(other, sk.CameraRig(cameras), seed), useless)
-    return Recording(detections, cameras, late, poses[extra : extra + frames], useless)
+    knocked = int(rng.integers(views)) if "knocked" in case else None
+    if knocked is not None:
+        axis = rng.normal(size=3)
+        turn = matrix_from_vector(np.radians(KNOCKED_DEG) * axis / np.linalg.norm(axis))
+        before, after = cameras, list(cameras)
+        after[knocked] = altered(after[knocked], R=turn @ after[knocked].R, t=turn @ after[knocked].t)
+        since = round(frames * rng.uniform(0.3, 0.7))
+        detections[since:, knocked] = seen(poses, knocked, after)[since:]
+        cameras = before if 2 * since > frames else after
+    return Recording(detections, cameras, late, poses[extra : extra + frames], useless, knocked)
 
 
 def crowded(views: int, seed: int, case: str) -> Recording:
@@ -185,7 +196,7 @@ def filmed(path: Path, case: str) -> Recording:
         truth = z["gt3d"][REAL_FRAMES, 0][:, [match[k] for k in REAL_JOINTS]].astype(float)
     late = REAL_CLOCKS if "clocks" in case else np.zeros(len(true))
     views = [shifted(detections[:, i], -late[i]) for i in range(len(true))]
-    return Recording(np.stack(views, axis=1), true, late, truth, None, BODY, 25.0)
+    return Recording(np.stack(views, axis=1), true, late, truth, layout=BODY, fps=25.0)
 
 
 def similarity(a: FloatArray, b: FloatArray, turns: FloatArray | float = 0.0) -> tuple[FloatArray, float]:
@@ -258,6 +269,7 @@ def judged(one: Recording, found: sk.RigCalibration) -> dict[str, Any]:
     there = [i for i, camera in enumerate(found.report) if camera.status == "placed"]
     own = {i: camera for i, camera in zip(there, found.cameras, strict=True) if i != one.useless}
     out = set(range(len(one.true))) - set(there)
+    named = {i for i, camera in enumerate(found.report) if camera.span is not None}
     if len(own) < 2:
         return {"right": False, "refused": not found.sure, "wrong": found.sure, "world": False}
     *turns, tilt, places, scale = apart(list(own.values()), [one.true[i] for i in own])
@@ -274,6 +286,7 @@ def judged(one: Recording, found: sk.RigCalibration) -> dict[str, Any]:
         "wrong": found.sure and not near.all(),
         "world": found.sure and bool(off > 3 * found.scale_sigma or tilt > 3 * found.up_sigma),
         "useless": one.useless in out,
+        "named": named == {one.knocked} if one.knocked is not None else bool(named),
         "left out": bool(out - {one.useless}),
         "3 σ": float(near.mean()),
     }
