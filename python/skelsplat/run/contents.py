@@ -1,0 +1,110 @@
+"""Where a folder has the detections, videos and calibrations of a recording, or the folders of several."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from itertools import islice
+from pathlib import Path
+
+from skelsplat.exceptions import DatasetError, SkelSplatError
+from skelsplat.io._files import VIDEO_SUFFIXES
+from skelsplat.io._run_files import is_run
+from skelsplat.io.calibration import find_format as calibration_format
+from skelsplat.io.detections import sights
+from skelsplat.io.detections._registry import recognised
+
+_LOOKED_AT = 200  # files of a folder, and folders of a level
+_LEVELS = ("*/", "*/*/", "*/*/*/")  # a session, a participant, a trial: the deepest there is
+_BY_COMMANDS = ("overlay", "plots", "opensim")
+
+
+def contents(folder: Path) -> tuple[tuple[str, ...], str, tuple[str, ...]]:
+    """Return the detections and the folder of videos of a recording; or folders in it with a recording each.
+
+    Names are paths from the folder. It holds several recordings if detections are in several folders of it,
+    or videos of several cameras are, and neither in itself.
+    """
+    found, videos = _detections(folder), _videos(folder)
+    of = dict.fromkeys(_recording_of(folder, name) for name in found)
+    if folder in of or len(of) == 1:
+        here = folder if folder in of else next(iter(of))
+        return (
+            tuple(name for name in found if _recording_of(folder, name) == here),
+            next(iter(videos), ""),
+            (),
+        )
+    several = [one.relative_to(folder).parts[0] for one in of] or (videos if len(videos) > 1 else [])
+    return (), "" if several else next(iter(videos), ""), tuple(dict.fromkeys(several))
+
+
+def recordings_in(folder: Path) -> tuple[str, ...]:
+    """Return the folders with recordings: ``.`` if it is itself one, else those in it."""
+    with suppress(SkelSplatError, OSError):
+        detections, videos, inside = contents(folder)
+        return inside or ((".",) if detections or videos else ())
+    return ()
+
+
+def _detections(folder: Path) -> list[str]:
+    """Return the folders and files of detections of the highest level that has any."""
+    with suppress(DatasetError):  # it cannot be read
+        if found := _detections_at(folder):
+            return found
+    for level in _LEVELS:
+        inside = (one.relative_to(folder) for one in folder.glob(level) if one.is_dir())
+        shown = (
+            one
+            for one in inside
+            if not any(part.startswith(".") or part in _BY_COMMANDS for part in one.parts)
+        )
+        found = []
+        for name in sorted(islice(shown, _LOOKED_AT)):
+            with suppress(DatasetError):
+                found += [(name / one).as_posix() for one in _detections_at(folder / name)]
+        if found:
+            return found
+    return []
+
+
+def _detections_at(folder: Path) -> list[str]:
+    """Return ``.`` if a folder is one of detections, else the files in it that have those of all cameras."""
+    found = {} if is_run(folder) else recognised(folder)
+    if not found or any(map(_is_calibration, found.values())):
+        return []
+    # how texts begin is sure; arrays may as well be poses
+    if any(path.suffix != ".npz" for path in found.values()) or _are_read(folder):
+        return ["."]
+    return [one.name for one in sorted(folder.glob("*.npz"))[:_LOOKED_AT] if _are_read(one)]
+
+
+def _is_calibration(path: Path) -> bool:
+    with suppress(SkelSplatError):
+        return calibration_format(path) is not None
+    return False
+
+
+def _are_read(path: Path) -> bool:
+    with suppress(SkelSplatError, OSError):
+        return bool(sights(path))
+    return False
+
+
+def _recording_of(folder: Path, detections: str) -> Path:
+    """Return the folder of the recording that detections in a folder are of."""
+    place = folder / detections
+    own = place == folder or (place.is_dir() and _is_calibration(place))
+    return place if own else place.parent
+
+
+def _videos(folder: Path) -> list[str]:
+    """Return the folders of videos: itself, or the folders in it."""
+
+    def count(place: Path) -> int:
+        return sum(one.suffix.lower() in VIDEO_SUFFIXES for one in place.iterdir())
+
+    if count(folder):
+        return ["."]
+    inside = (one for one in folder.iterdir() if one.is_dir() and not one.name.startswith("."))
+    return sorted(
+        one.name for one in inside if one.name not in _BY_COMMANDS and not is_run(one) and count(one)
+    )
