@@ -72,6 +72,7 @@ def visit(context, server):
         page.on("request", lambda asked: own.match(asked.url) or complaints.append(asked.url))
         page.goto(f"http://127.0.0.1:{server.port}{path}")
         page.wait_for_function(LISTENS)
+        page.get_by_text("Looking at the folder").wait_for(state="detached")
         return page
 
     yield open_page
@@ -145,7 +146,8 @@ def test_what_is_wrong_is_said_in_one_line_with_what_to_do(visit):
     page = visit("/recording?at=third")
     settle(page)
     page.get_by_label("Frame rate").first.fill("-3")
-    page.get_by_role("alert").get_by_text("--fps: expected").wait_for()
+    page.get_by_role("alert").get_by_text("Expected a positive number, got -3.").wait_for()
+    assert page.get_by_role("button", name="Find the pose").is_disabled()
     page.get_by_label("Frame rate").first.fill("50")
     page.get_by_text("--fps 50").first.wait_for()
 

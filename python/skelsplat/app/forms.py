@@ -9,7 +9,7 @@ from typing import Any
 
 from nicegui import ui
 
-from skelsplat.app.parts import head
+from skelsplat.app.parts import head, html, shown, worded
 from skelsplat.app.recording import OPTIONS, SHARED
 from skelsplat.cli.rows import Option
 
@@ -63,29 +63,28 @@ class Form:
             elif several and choices:
                 value = value or row.default or []
                 texts = value.split(",") if isinstance(value, str) else value
-                kept = [text for text in texts if text in choices]
-                field = ui.select(choices, value=kept, label=row.title, multiple=True, on_change=change)
+                every = [*dict.fromkeys([*choices, *texts])]
+                field = ui.select(every, value=[*texts], label=row.title, multiple=True, on_change=change)
                 field.props("outlined dense use-chips stack-label")
-            elif choices:
-                shown = {"": row.usual or "not set", **{text: text for text in (*choices, value) if text}}
-                field = ui.select(
-                    shown,
-                    value=value or "",
-                    label=row.title,
-                    on_change=change,
-                    new_value_mode="add-unique" if row.name in _FREE else None,
-                )
+            elif choices and row.name not in _FREE:
+                named = {"": row.usual or "not set", **{text: text for text in (*choices, value) if text}}
+                field = ui.select(named, value=value or "", label=row.title, on_change=change)
                 field.props("outlined dense stack-label options-dense")
             else:
                 text = ", ".join(value or []) if several else value or ""
                 made = ui.input(row.title, value=text, placeholder=row.usual or row.metavar, on_change=change)
-                made.props("outlined dense stack-label debounce=300")
-            ui.label(row.help).classes("s-help")
+                made.props(f"outlined dense stack-label debounce=300 list=of-{row.name}")
+                made.validation = lambda text: row.wrong(_value(row, text)) or None if text else None
+                options = "".join(f"<option value='{shown(text)}'>" for text in choices)
+                html(f"<datalist id='of-{row.name}'>{options}</datalist>")
+            ui.label(worded(row.help)).classes("s-help")
 
     def _changed(self, command: str, row: Option, event: Any) -> object:
-        value = event.value
-        if row.name == "write":
-            value = ",".join(value)
-        elif isinstance(value, str):
-            value = [one for part in value.split(",") if (one := part.strip())] if row.many else value.strip()
-        return self.change(command, row.name, value)
+        return self.change(command, row.name, _value(row, event.value))
+
+
+def _value(row: Option, value: Any) -> Any:
+    """Return the text of a setting, or the list of a repeatable one, from what its field has."""
+    if not isinstance(value, str):
+        return ",".join(value) if row.name == "write" else value
+    return [one for part in value.split(",") if (one := part.strip())] if row.many else value.strip()

@@ -19,6 +19,7 @@ from skelsplat.run.files import files_of, size_of
 from skelsplat.run.folder import PAGE
 
 _FEW = 4  # findings that are shown at once
+_OUTDATED = "There are videos of an earlier result, which are not shown. Draw them again to see this one."
 _PAUSED = "Where the video is paused, the report shows the same frame."
 
 
@@ -66,8 +67,8 @@ class ResultParts:
 
         def ask() -> None:
             with ui.dialog(value=True) as dialog, ui.card().classes("s-ask"):
-                cameras = [one.name for one in recording.found.cameras]
-                Form({}, lambda _, name, text: put(chosen, name, text), cameras).field("refine", row)
+                names = recording.found.names
+                Form({}, lambda _, name, text: put(chosen, name, text), names).field("refine", row)
 
                 async def go() -> None:
                     dialog.close()
@@ -87,7 +88,7 @@ class ResultParts:
 
     def _compare(self, result: AnyRun, before: AnyRun, what: str) -> None:
         """Show a remedy's result and that before it, to be kept or taken back."""
-        head(f"With {what}: before and after")
+        head(f"{what}: before and after")
         table(("", "Before", "After"), compared(before, result))
 
         with ui.element("div").classes("s-row"):
@@ -97,7 +98,7 @@ class ResultParts:
     def _pictures(self, result: AnyRun) -> None:
         """Show the report, and the videos beside it."""
         folder, version = self.recording.output, str(result.report["run"])
-        videos = sorted(one.stem for one in (folder / "overlay").glob("*.mp4"))
+        videos = [name for name, now in self.recording.drawn.items() if now]
         has_page = (folder / PAGE).is_file()
         with ui.element("div").classes("s-look two" if videos and has_page else "s-look"):
             if has_page:
@@ -105,6 +106,8 @@ class ResultParts:
                 html(f"<iframe title='Report with the pose in 3D' src='{source}'></iframe>")
             if videos:
                 self._videos(result, videos)
+        if len(videos) < len(self.recording.drawn):
+            note("note", _OUTDATED)
         with ui.element("div").classes("s-row"):
             for name in (name for name, *_ in files_of(folder) if name.endswith(PAGE)):
                 ui.link(f"Open {name} alone", self.address(name), new_tab=True)
@@ -133,9 +136,11 @@ class ResultParts:
             whole = address("/zip", folder=self.recording.place.relative(folder))
             save = button("Everything in one zip file", lambda: ui.navigate.to(whole), first=True)
             save.classes("self-start")
+            late = ", of an earlier result"
+            old = {f"overlay/{name}.mp4" for name, now in self.recording.drawn.items() if not now}
             links = (
                 f"<a href='{shown(self.address(name, download='1'))}' download><b>{shown(name)}</b>"
-                f"<span>{shown(about)}</span><span>{size_of(size)}</span></a>"
+                f"<span>{shown(about)}{late * (name in old)}</span><span>{size_of(size)}</span></a>"
                 for name, about, size in files
             )
             html("".join(links)).classes("s-files")

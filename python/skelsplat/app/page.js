@@ -45,6 +45,21 @@ for (const kind of ["dragover", "dragleave", "drop"]) {
   });
 }
 
+// Where the keyboard was is shown anew: it goes on at the button of the same name, at Cancel, or at the first field there.
+const PLACES = ".s-do, .s-part, section";
+let last = null;
+document.addEventListener("focusin", ({ target }) => {
+  const place = target.closest(PLACES);
+  last = place && { target, text: target.textContent, place: place.matches("section") ? `[aria-label="${place.ariaLabel}"]` : "." + place.classList[0] };
+});
+document.addEventListener("pointerdown", () => { last = null; });
+new MutationObserver(() => {
+  if (!last || last.target.isConnected || document.activeElement !== document.body) return;
+  const buttons = [...document.querySelectorAll(last.place + " button:not([disabled])")];
+  const next = buttons.find((one) => one.textContent === last.text) || document.querySelector(".s-bar button") || buttons[0] || document.querySelector(last.place + " :is(input, a)");
+  next?.focus({ preventScroll: true });
+}).observe(document, { childList: true, subtree: true });
+
 // The frame of the report beside a video is that of the video.
 function follow(video) {
   const report = document.querySelector(".s-look iframe");

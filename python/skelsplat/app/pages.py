@@ -17,10 +17,10 @@ from skelsplat.app.recordings import Recordings
 from skelsplat.cli.process import DONE
 from skelsplat.exceptions import SkelSplatError
 from skelsplat.io._run_files import is_run
-from skelsplat.run.found import holds_recording, output_of
+from skelsplat.run.contents import recordings_in
+from skelsplat.run.found import output_of
 
 _HERE = Path(__file__).parent
-_PATIENCE_S = 120.0  # until a page is there: long recordings are looked at first
 _WHAT = (
     "It has one video per camera, or the keypoints that a detector has found in them, and a calibration if "
     "there is one. An empty folder will do, too: files can be dropped into it."
@@ -31,11 +31,11 @@ _TOGETHER = "All with the same settings, each with its own results. What has not
 def add_pages(recordings: Recordings) -> None:
     """Add the page of a folder and that of a recording."""
 
-    @ui.page("/", response_timeout=_PATIENCE_S)
+    @ui.page("/")
     async def folder_page(at: str = "") -> None:
         await _show(recordings.place, at, partial(_folder, recordings))
 
-    @ui.page("/recording", response_timeout=_PATIENCE_S)
+    @ui.page("/recording")
     async def recording_page(at: str = "") -> None:
         async def show(folder: Path) -> None:
             recording = await run.io_bound(recordings.at, folder)
@@ -50,7 +50,7 @@ async def _show(place: Place, at: str, show: Callable[[Path], Awaitable[None]]) 
     ui.add_css((_HERE / "page.css").read_text(encoding="utf-8"))
     ui.add_body_html(f"<script>{(_HERE / 'page.js').read_text(encoding='utf-8')}</script>")
     ui.colors(primary="#0a6ea8", positive="#1d7a46", negative="#b3261e", warning="#b4540a")
-    main = ui.element("main").classes("s-main")
+    main = ui.element("div").classes("s-main")
     try:
         folder = place.folder(at)
         with ui.element("header").classes("s-top") as header, ui.element("div"):
@@ -62,7 +62,10 @@ async def _show(place: Place, at: str, show: Callable[[Path], Awaitable[None]]) 
         header.move(target_index=0)
         with main:
             html(f"<h1 class='s-title'>{shown(folder.name or folder)}</h1>")
+            waiting = ui.label("Looking at the folder …").props("role=status").classes("s-dim")
+            await ui.context.client.connected()  # long recordings take their time
             await show(folder)
+            waiting.delete()
     except SkelSplatError as error:
         with main:
             note("error", str(error))
@@ -73,7 +76,11 @@ async def _folder(recordings: Recordings, folder: Path) -> None:
     """Show a folder: those in it, which of them hold recordings, and how to refine these together."""
     place = recordings.place
     folders = place.folders(folder)
-    inside = await run.io_bound(lambda: [*filter(holds_recording, folders)])
+    held = await run.io_bound(lambda: {one: recordings_in(one) for one in (folder, *folders)})
+    if held is None:  # the server ends
+        return
+    # the folders in a recording are its parts
+    inside = [one for one in folders if held[one] == (".",) and held[folder] != (".",)]
     with section("Choose the folder of a recording"):
         ui.label(_WHAT).classes("s-dim")
         here = address("/recording", at=place.relative(folder))
@@ -83,14 +90,16 @@ async def _folder(recordings: Recordings, folder: Path) -> None:
         with ui.element("div").classes("s-folders"):
             for one in folders:
                 with ui.element("div").classes("s-folder"):
-                    page = "/recording" if one in (inside or ()) else "/"
+                    page = "/recording" if one in inside else "/"
                     ui.link(one.name, address(page, at=place.relative(one)))
-                    badges = {"recording": page != "/", "has results": is_run(one / output_of(one))}
+                    several = page == "/" and held[folder] != (".",) and bool(held[one])
+                    badges = {"recording": page != "/", "recordings": several}
+                    badges["has results"] = is_run(one / output_of(one))
                     for badge in (name for name, holds in badges.items() if holds):
                         ui.label(badge).classes("s-badge")
-    if len(inside or ()) > 1:
+    if len(inside) > 1:
         with section("Several recordings at once"):
-            _Together(recordings, folder, inside or []).show()
+            _Together(recordings, folder, inside).show()
 
 
 class _Together:

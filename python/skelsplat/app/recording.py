@@ -6,6 +6,7 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 from skelsplat.app.places import Place
@@ -16,6 +17,7 @@ from skelsplat.cli.rows import NAME_OR_PATH, Option, texts_in, texts_of, typed
 from skelsplat.exceptions import InvalidInputError, SkelSplatError
 from skelsplat.run.compared import AnyRun, open_run
 from skelsplat.run.earlier import options_of
+from skelsplat.run.files import videos_of_run
 from skelsplat.run.found import Found, look, output_of
 
 _CAMERAS, _PAGE_OF_CAMERAS, _KEYPOINTS = "Calib-from-people.toml", "calibration.html", "pose"
@@ -43,10 +45,12 @@ class Recording:
     given: dict[str, dict[str, Any]] = field(default_factory=lambda: {command: {} for command in OPTIONS})
     found: Found = field(default_factory=lambda: Found(Path()))
     result: AnyRun | None = None
+    drawn: dict[str, bool] = field(default_factory=dict)  # as `videos_of_run` has them
     before: tuple[AnyRun, str, dict[str, Any]] | None = None  # until a remedy: result, what, settings
     work: Work | None = None
     done: list[str] = field(default_factory=list)  # commands as they are typed
     version: int = 0  # goes up whenever something else is to be shown
+    looking: Lock = field(default_factory=Lock)  # held while it is first looked at
 
     @property
     def output(self) -> Path:
@@ -58,12 +62,22 @@ class Recording:
         """Whether a command is being done."""
         return self.work is not None and self.work.state == RUNNING
 
+    def is_wrong(self, command: str) -> bool:
+        """Whether a setting of a command has a text that is no value."""
+        given = self.given[command]
+        return any(
+            row.kind is not bool and row.wrong(given[row.name])
+            for row in OPTIONS[command]
+            if row.name in given
+        )
+
     def look(self) -> Recording:
         """Look at the folder anew; the settings of an earlier run there count until others are given."""
         self.result = open_run(self.output)
         if self.result is not None and not self.version and not self.given["refine"]:
             self.given["refine"] = texts_of(OPTIONS["refine"], options_of(self.result.report))
-        self.found = look(self.folder, read_with(self.given))
+        self.drawn = videos_of_run(self.output) if self.result is not None else {}
+        self.found = look(self.folder, read_with(self.given), self.place.root)
         self.version += 1
         return self
 
@@ -87,9 +101,9 @@ class Recording:
         """Return the commands that were done and that which refines, and Python that does; by name."""
         typed_so_far = [f"cd {shlex.quote(str(self.folder))}", *self.done]
         try:
-            words = self.words("refine") if self.found.detections else []
+            words = self.words("refine") if self.found.ready else []
             last = [shlex.join(["skelsplat", *words])] if words else []
-            python = job_of(words[1:]).python if self.found.ready else ""
+            python = job_of(words[1:]).python if words else ""
         except SkelSplatError as error:
             last, python = [f"# {error}"], ""
         found = {"the commands": "\n".join(dict.fromkeys([*typed_so_far, *last])), "the Python lines": python}
@@ -124,7 +138,7 @@ class Recording:
         text = (
             [*settings.get(row.name, []), str(value)] if row.many else value if value is True else str(value)
         )
-        self.before = (self.result, " ".join(typed([row], {row.name: text})), dict(settings))
+        self.before = (self.result, row.title if value is True else f"{row.title} {value}", dict(settings))
         put(settings, row.name, text)
         self.start("refine")
 

@@ -12,7 +12,7 @@ from nicegui import ui
 from skelsplat._optional import pip_line
 from skelsplat.app.forms import Form
 from skelsplat.app.look import ResultParts
-from skelsplat.app.parts import attempt, button, code, facts, html, note, progress, section, table
+from skelsplat.app.parts import address, attempt, button, code, facts, html, note, progress, section, table
 from skelsplat.app.recording import OPTIONS, Recording, put
 from skelsplat.run.found import Lack
 
@@ -47,7 +47,8 @@ class RecordingPage:
         self.bring()
         with ui.element("div").classes("s-part"):
             self.settings()
-            self.action()
+            with ui.element("div").classes("s-do"):
+                self.action()
         self.result.look()
         self.result.take()
         self.words()
@@ -74,9 +75,10 @@ class RecordingPage:
         """Take over a setting from the form."""
         put(self.recording.given[command], name, value)
         self.given = dict(self.recording.given["refine"])
-        if name in _READ_WITH:
+        if name in _READ_WITH and not self.recording.is_wrong(command):
             await self.press(self.recording.look)
         else:
+            self.action.refresh()
             self.words.refresh()
 
     async def choose(self, setting: str, value: str) -> None:
@@ -104,6 +106,9 @@ class RecordingPage:
                     chosen.props("outlined dense").classes("w-full")
             for lack in found.lacks:
                 self._lack(lack)
+            if found.inside:
+                with note("lack", f"The recordings are in folders of this one: {', '.join(found.inside)}."):
+                    button("Show them", lambda: ui.navigate.to(address("/", at=folder)), first=True)
             html(_DROP.format(escape(folder, quote=True)))
 
     def _lack(self, lack: Lack) -> None:
@@ -126,7 +131,7 @@ class RecordingPage:
             stages = {"refine": True, "calibrate": found.detections, "detect": found.videos}
             commands = [command for command, needed in stages.items() if needed]
             html("<h2>2 · Pose in 3D</h2>")
-            form = Form(self.recording.given, self.set, [one.name for one in found.cameras])
+            form = Form(self.recording.given, self.set, found.names)
             form.main(commands)
             form.more([*commands, "overlay"])
 
@@ -143,9 +148,11 @@ class RecordingPage:
         with ui.element("div").classes("s-row"):
             again = " again" if recording.result is not None else ""
             start = button(f"Find the pose{again}", lambda: self.press(recording.start, "refine"), first=True)
-            start.set_enabled(found.ready)
-            if not found.ready:
-                ui.label("First, what is missing above.").classes("s-dim s-small")
+            is_wrong = recording.is_wrong("refine")
+            start.set_enabled(found.ready and not is_wrong)
+            if is_wrong or not found.ready:
+                words = "First, the setting that is marked." if is_wrong else "First, what is missing above."
+                ui.label(words).classes("s-dim s-small")
 
     @ui.refreshable_method
     def words(self) -> None:

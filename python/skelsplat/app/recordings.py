@@ -28,16 +28,16 @@ class Recordings:
 
     def at(self, folder: Path) -> Recording:
         """Return the recording of a folder, the same for all who ask."""
-        if folder not in self.open:
-            self.open[folder] = Recording(self.place, folder).look()
-        return self.open[folder]
+        recording = self.open.setdefault(folder, Recording(self.place, folder))
+        with recording.looking:
+            return recording if recording.version else recording.look()
 
     def batch(self, folder: Path, chosen: Sequence[Path]) -> None:
         """Refine several recordings in a folder, each into a folder of its own."""
         if folder in self.batches and self.batches[folder].state == RUNNING:
             raise InvalidInputError("batch: expected one at a time, got a second one")
         given = self.given.get(folder, {})
-        found = [look(one, read_with({"refine": given})) for one in chosen]
+        found = [look(one, read_with({"refine": given}), self.place.root) for one in chosen]
         for one in found:
             if not one.ready:
                 lacks = [lack.text for lack in one.lacks] or ["it holds no recording"]
