@@ -9,7 +9,7 @@ from typing import Any
 
 from nicegui import ui
 
-from skelsplat.app.parts import head, html, shown, worded
+from skelsplat.app.parts import head, worded
 from skelsplat.app.recording import OPTIONS, SHARED
 from skelsplat.cli.rows import Option
 
@@ -72,11 +72,12 @@ class Form:
                 field.props("outlined dense stack-label options-dense")
             else:
                 text = ", ".join(value or []) if several else value or ""
-                made = ui.input(row.title, value=text, placeholder=row.usual or row.metavar, on_change=change)
-                made.props(f"outlined dense stack-label debounce=300 list=of-{row.name}")
+                hint = row.usual or row.metavar
+                made = ui.input(
+                    row.title, value=text, placeholder=hint, on_change=change, autocomplete=choices
+                )
+                made.props("outlined dense stack-label debounce=300")
                 made.validation = lambda text: row.wrong(_value(row, text)) or None if text else None
-                options = "".join(f"<option value='{shown(text)}'>" for text in choices)
-                html(f"<datalist id='of-{row.name}'>{options}</datalist>")
             ui.label(worded(row.help)).classes("s-help")
 
     def _changed(self, command: str, row: Option, event: Any) -> object:

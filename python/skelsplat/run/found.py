@@ -20,6 +20,7 @@ from skelsplat.io._run_files import REPORT, is_run
 from skelsplat.io.calibration import find_format as calibration_format
 from skelsplat.io.calibration import read_calibration
 from skelsplat.io.detections import open_detections, sights
+from skelsplat.io.detections._record import read_record
 from skelsplat.io.detections._registry import recognised
 from skelsplat.io.video import FrameSource, open_source, videos_of
 from skelsplat.run.contents import contents
@@ -160,6 +161,8 @@ def _look(folder: Path, given: Mapping[str, Any], top: Path) -> Found:
         lacks = [Lack(_NO_SIZE, setting="image_size", values={size: size for size in _SIZES})]
     else:
         lacks = []
+    if videos and detections:
+        lacks += _unfinished(folder / detections, cameras)
     lacks += [*broken, *lack, *more, *_missing(calibration, detections, videos, bool(broken))]
     if not given.get("fps") and detections and not any(one.fps for one in cameras):
         lacks.append(
@@ -198,6 +201,27 @@ def _missing(calibration: str, detections: str, videos: str, broken: bool) -> It
             "takes somebody who walks about for ten seconds. Or bring the calibration file.",
             "calibrate",
         )
+
+
+def _unfinished(detections: Path, cameras: Iterable[Camera]) -> Iterator[Lack]:
+    """Yield that detections end earlier in some cameras than in others, if `skelsplat detect` was stopped."""
+    with suppress(DatasetError):
+        record = read_record(detections)
+        videos = {} if record is None else record.videos
+        frames = {one.name: one.frames or 0 for one in cameras}
+        most = max(frames.values(), default=0)
+        part = {
+            name: frames.get(name, 0)
+            for name, video in videos.items()
+            if video.count is None and frames.get(name, 0) < most
+        }
+        if part:
+            found = ", ".join(f"{name} {count or 'none'}" for name, count in part.items())
+            yield Lack(
+                f"People were found in a part of the frames only ({found} of {most}).",
+                "detect",
+                optional=True,
+            )
 
 
 def _chosen(names: tuple[str, ...], wanted: str | None) -> str:
