@@ -15,6 +15,7 @@ from skelsplat.app.places import Place
 from skelsplat.app.recording import OPTIONS, Recording, put
 from skelsplat.app.recordings import Recordings
 from skelsplat.cli.batch import job_of, sessions_of
+from skelsplat.cli.process import Work
 from skelsplat.cli.rows import texts_in, texts_of, typed
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.run import Job
@@ -58,10 +59,23 @@ def test_a_command_of_a_recording(recording):
     assert "fps=60.0" in recording.lines()["the Python lines"]
 
 
+def test_the_detector_that_is_installed_is_used(recording, monkeypatch):
+    for installed, words in (("mediapipe", []), ("rtmlib", ["--backend", "rtmlib"])):
+        monkeypatch.setattr(
+            "skelsplat.app.recording.find_spec", lambda name, it=installed: name == it or None
+        )
+        assert recording.words("detect")[4:] == words
+
+
 def test_a_path_that_leads_out_is_refused(recording):
     recording.given["refine"] = {"init": "../../pose.npz"}
     with pytest.raises(InvalidInputError, match=r"^folder: expected one in"):
         recording.words("refine")
+
+
+def test_what_a_cancelled_command_left_behind_is_said(tmp_path):
+    work = Work(["refine"], tmp_path, messages=["warning: x", "interrupted; out is unfinished: run it again"])
+    assert work.left == "Out is unfinished: run it again."
 
 
 def test_nothing_is_to_be_typed_before_all_is_there(recording):

@@ -18,7 +18,6 @@ from skelsplat.exceptions import SkelSplatError
 
 _EVERY_S = 0.25
 _TITLES = {flag: row.title for rows in OPTIONS.values() for row in rows for flag in row.flags}
-_CANCELLED = "Cancelled. Earlier files are as they were. Press again to continue or to start over."
 
 
 def address(page: str, **query: str) -> str:
@@ -116,7 +115,7 @@ def progress(work: Work, cancel: Callable[[], None], ended: Callable[[], object]
     if work.state == FAILED:
         note("error", work.error)
     if work.state == CANCELLED:
-        note("note", _CANCELLED)
+        note("note", f"Cancelled. {work.left}")
     if work.state != RUNNING:
         return
     with ui.element("div").classes("s-bar"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -84,6 +85,8 @@ class Recording:
     def words(self, command: str) -> list[str]:
         """Return a command as it is typed, without `skelsplat`; paths are relative to the folder."""
         found, given, out = self.found, self.given[command], output_of(self.folder)
+        if command == "detect" and find_spec("mediapipe") is None and find_spec("rtmlib") is not None:
+            given = {"backend": "rtmlib", **given}
         if command == "calibrate":
             given = {**{name: self.given["refine"].get(name) for name in SHARED}, **given}
         for row in OPTIONS[command]:

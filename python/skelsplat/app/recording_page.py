@@ -23,10 +23,10 @@ _DROP = (
     "<label><input type=file webkitdirectory><span>a folder</span></label>."
     "<div role=status class='s-small'></div></div>"
 )
-# By command: what its button says, the packages of which it needs one, and the extra that has them.
+# By command: what its button says, the packages of which it needs one, and the extras that have them.
 _REMEDIES = {
-    "detect": ("Find people in the videos", ("mediapipe", "rtmlib"), "mediapipe"),
-    "calibrate": ("Find the cameras from the people", ("cv2",), "video"),
+    "detect": ("Find people in the videos", ("mediapipe", "rtmlib"), ("rtmlib", "mediapipe")),
+    "calibrate": ("Find the cameras from the people", ("cv2",), ("video",)),
 }
 # Settings on which it depends what is found.
 _READ_WITH = {row.name for row in OPTIONS["refine"] if row.panel in ("Calibration", "Input")} | {"fps"}
@@ -112,10 +112,11 @@ class RecordingPage:
             html(_DROP.format(escape(folder, quote=True)))
 
     def _lack(self, lack: Lack) -> None:
-        words, needed, extra = _REMEDIES.get(lack.command, ("", (), ""))
+        words, needed, extras = _REMEDIES.get(lack.command, ("", (), ()))
         with note("note" if lack.optional else "lack", lack.text), ui.element("div").classes("s-row"):
             if needed and not any(find_spec(name) for name in needed):
-                ui.label(f"This needs another package: {pip_line(extra)}").classes("s-help")
+                lines = " or ".join(map(pip_line, extras))
+                ui.label(f"{words}: first run {lines}. Then start skelsplat app again.")
             elif words:
                 start = button(words, lambda: self.press(self.recording.start, lack.command), first=True)
                 start.set_enabled(not self.recording.running)

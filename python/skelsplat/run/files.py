@@ -23,6 +23,8 @@ _ABOUT = {
     ".mp4": "the pose drawn on a video",
     ".csv": "tables, for spreadsheets, R, MATLAB",
     ".mot": "joint angles, for OpenSim",
+    ".xml": "settings, for OpenSim",
+    ".py": "runs OpenSim with them",
     ".npz": "arrays, for Python",
     ".png": "a picture",
     ".json": "for programs",
