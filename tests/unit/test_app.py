@@ -163,8 +163,10 @@ def test_without_a_mouse(visit):
             break
     page.keyboard.press("Enter")
     page.get_by_role("progressbar").wait_for()
-    type_enter(page, "Cancel")
+    page.wait_for_function("document.activeElement.innerText === 'Cancel'")
+    page.keyboard.press("Enter")
     page.get_by_text("Cancelled.").wait_for()
+    page.wait_for_function("document.activeElement.innerText === 'Find the pose'")
 
 
 def test_a_narrow_screen_scrolls_only_down(visit):
@@ -181,7 +183,8 @@ def test_files_are_brought_into_an_empty_folder(visit, root):
     page = visit("/recording?at=empty")
     page.get_by_text("no videos and no keypoints").wait_for()
     page.locator("input[type=file]").first.set_input_files(root / "walk/Calib.toml")
-    page.get_by_text("1 file is in the folder.").wait_for()
+    page.get_by_text("Calib.toml", exact=True).wait_for()
+    assert page.get_by_text("1 file is in the folder.").is_visible()
     assert (root / "empty/Calib.toml").read_bytes() == (root / "walk/Calib.toml").read_bytes()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import shlex
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -12,11 +13,12 @@ import pytest
 import skelsplat as sk
 from skelsplat._budget import read_toml
 from skelsplat.app.places import Place
-from skelsplat.app.recording import OPTIONS, Recording, put
+from skelsplat.app.recording import Recording
 from skelsplat.app.recordings import Recordings
 from skelsplat.cli.batch import job_of, sessions_of
 from skelsplat.cli.process import Work
 from skelsplat.cli.rows import texts_in, texts_of, typed
+from skelsplat.cli.settings import OPTIONS, are_wrong, put, worded
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.run import Job
 from skelsplat.run.compared import compared, findings_of, open_run
@@ -27,7 +29,7 @@ from nicegui import Client, ui
 from nicegui.page import page
 
 from skelsplat.app.forms import Form
-from skelsplat.app.parts import worded
+from skelsplat.app.server import _app
 
 ROWS = OPTIONS["refine"]
 GIVEN = {"unit": "m", "fps": "60", "offsets": ["cam1=-2"], "adjust_cameras": True, "write": "trc,bvh"}
@@ -100,7 +102,7 @@ def test_nothing_is_to_be_typed_before_all_is_there(recording):
 def test_what_is_wrong_with_a_setting_is_one_sentence_beside_it(recording, name, text, words):
     assert next(row for row in ROWS if row.name == name).wrong(text) == words
     recording.given["refine"] = {name: text}
-    assert recording.is_wrong("refine") == bool(words)
+    assert are_wrong("refine", recording.given["refine"]) == bool(words)
 
 
 def test_sentences_have_the_names_of_the_page():
@@ -115,6 +117,30 @@ def test_a_setting_that_was_kept_is_shown_even_if_it_is_no_choice():
         Form({"refine": {"without": ["cam_03"]}}, put, ["cam01", "cam03"]).field("refine", row)
         (field,) = (one for one in client.elements.values() if isinstance(one, ui.select))
     assert (field.value, field.options) == (["cam_03"], ["cam01", "cam03", "cam_03"])
+
+
+async def answer_of(app, path, query):
+    """Return the status and the text that an application answers with."""
+    scope = {"type": "http", "method": "GET", "path": path, "raw_path": path.encode(), "headers": []}
+    scope |= {"query_string": query.encode(), "scheme": "http", "server": ("127.0.0.1", 80), "root_path": ""}
+    sent = []
+
+    async def receive():
+        return {"type": "http.request", "body": b""}
+
+    async def send(message):
+        sent.append(message)
+
+    async with app.router.lifespan_context(app):
+        await app({**scope, "http_version": "1.1"}, receive, send)
+    return sent[0]["status"], b"".join(one.get("body", b"") for one in sent).decode()
+
+
+def test_the_page_is_there_before_the_recording_was_looked_at(recording, monkeypatch):
+    looks = []
+    monkeypatch.setattr("skelsplat.app.recordings.Recordings.at", lambda *given: looks.append(given))
+    status, text = asyncio.run(answer_of(_app(Recordings(recording.place)), "/recording", "at=walk"))
+    assert (status, "Looking at the folder" in text, looks) == (200, True, [])
 
 
 def test_two_tabs_that_open_a_recording_look_once(recording, monkeypatch):

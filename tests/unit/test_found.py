@@ -8,7 +8,7 @@ import pytest
 
 from command_line import succeed
 from skelsplat.io import sample
-from skelsplat.run.contents import recordings_in
+from skelsplat.run.contents import kind_of
 from skelsplat.run.found import look, output_of
 
 GIVEN = {"unit": "m", "layout": "body25b", "fps": 60.0}
@@ -70,13 +70,13 @@ def test_videos_alone_need_a_detector(tmp_path):
     found = look(tmp_path, {})
     assert found.videos == "videos"
     assert lacks(found) == [("detect", False)]
-    assert recordings_in(tmp_path) == (".",)
+    assert kind_of(tmp_path) == "recording"
 
 
 def test_an_empty_folder_holds_nothing(tmp_path):
     found = look(tmp_path, {})
     assert found.empty
-    assert recordings_in(tmp_path) == ()
+    assert kind_of(tmp_path) == ""
     (lack,) = found.lacks
     assert not lack.command
 
@@ -92,19 +92,19 @@ def test_a_folder_of_several_recordings_is_none_itself(folder, tmp_path):
     top = tmp_path / "top"
     for name in ("a", "b"):
         shutil.copytree(folder / "openpose", top / name / "openpose")
-    assert recordings_in(top) == ("a", "b")
-    assert recordings_in(top / "a") == (".",)
+    assert kind_of(top) == "recordings"
+    assert kind_of(top / "a") == "recording"
     found = look(top, GIVEN)
     assert (found.inside, found.empty, found.lacks) == (("a", "b"), True, ())
     shutil.copytree(folder / "openpose", top / "openpose")  # of a recording whose parts are in folders
-    assert recordings_in(top) == (".",)
+    assert kind_of(top) == "recording"
 
 
 def test_folders_with_videos_each_are_several_recordings(tmp_path):
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "cam1.mp4").write_bytes(b"none")
-    assert recordings_in(tmp_path) == ("a", "b")
+    assert kind_of(tmp_path) == "recordings"
     assert look(tmp_path, {}).inside == ("a", "b")
 
 
@@ -126,7 +126,7 @@ def test_a_calibration_of_several_recordings_may_be_above_them(folder, tmp_path)
 )
 def test_data_sets_of_synth_are_recordings(tmp_path, name, more, given, asked):
     succeed("synth", name, tmp_path / "set", *more.split())
-    assert recordings_in(tmp_path / "set") == ("takes",)
+    assert kind_of(tmp_path / "set") == "recordings"
     take = next((tmp_path / "set" / "takes").rglob("truth.npz")).parent
     found = look(take, {}, tmp_path)
     assert "truth.npz" not in found.keypoints

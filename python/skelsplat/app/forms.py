@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
 from typing import Any
 
 from nicegui import ui
 
-from skelsplat.app.parts import head, worded
-from skelsplat.app.recording import OPTIONS, SHARED
+from skelsplat.app.parts import head
 from skelsplat.cli.rows import Option
+from skelsplat.cli.settings import OPTIONS, SHARED, worded
 
 _MAIN = {
     "refine": ("people", "person", "unit", "layout", "fps", "adjust_cameras", "write", "angles", "opensim"),
@@ -20,17 +21,13 @@ _MAIN = {
 _FREE = ("layout", "person", "people")  # choices among which another text can be typed
 
 
+@dataclass
 class Form:
     """Settings; ``given`` has by command the texts of those that were set, ``change`` takes what changes."""
 
-    def __init__(
-        self,
-        given: Mapping[str, Mapping[str, Any]],
-        change: Callable[[str, str, Any], object],
-        cameras: Sequence[str] = (),
-    ) -> None:
-        self.given, self.change = given, change
-        self.cameras = list(cameras)
+    given: Mapping[str, Mapping[str, Any]]
+    change: Callable[[str, str, Any], object]
+    cameras: Sequence[str] = ()
 
     def main(self, commands: Sequence[str]) -> None:
         """Show the settings that matter, of some commands."""
@@ -41,12 +38,15 @@ class Form:
                     self.field(command, rows[name])
 
     def more(self, commands: Sequence[str]) -> None:
-        """Show all others, by command and part of its help."""
-        with ui.expansion("More settings").classes("w-full"):
+        """Show all others, by command and part of its help; closed, which of them are set."""
+        left = {command: [row for row in OPTIONS[command] if _is_more(command, row)] for command in commands}
+        given = [
+            row for command in commands for row in left[command] if row.name in self.given.get(command, {})
+        ]
+        said = f" (set: {', '.join(row.title for row in given)})" if given else ""
+        with ui.expansion(f"More settings{said}").classes("w-full"):
             for command in commands:
-                known = (*_MAIN.get(command, ()), *(SHARED if command == "calibrate" else ()))
-                left = [row for row in OPTIONS[command] if row.name not in known]
-                for panel, rows in groupby(left, key=lambda row: row.panel):
+                for panel, rows in groupby(left[command], key=lambda row: row.panel):
                     head(panel if command == "refine" else f"{command.capitalize()}: {panel.lower()}")
                     with ui.element("div").classes("s-fields"):
                         for row in rows:
@@ -73,15 +73,18 @@ class Form:
             else:
                 text = ", ".join(value or []) if several else value or ""
                 hint = row.usual or row.metavar
-                made = ui.input(
-                    row.title, value=text, placeholder=hint, on_change=change, autocomplete=choices
-                )
-                made.props("outlined dense stack-label debounce=300")
+                made = ui.input(row.title, value=text, placeholder=hint, autocomplete=[*choices])
+                made.on_value_change(change)
+                made.props("outlined dense stack-label hide-bottom-space debounce=300")
                 made.validation = lambda text: row.wrong(_value(row, text)) or None if text else None
             ui.label(worded(row.help)).classes("s-help")
 
     def _changed(self, command: str, row: Option, event: Any) -> object:
         return self.change(command, row.name, _value(row, event.value))
+
+
+def _is_more(command: str, row: Option) -> bool:
+    return row.name not in (*_MAIN.get(command, ()), *(SHARED if command == "calibrate" else ()))
 
 
 def _value(row: Option, value: Any) -> Any:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
 from typing import Any
 
 from nicegui import ui
 
 from skelsplat.app.forms import Form
 from skelsplat.app.parts import address, button, facts, head, html, note, section, shown, table
-from skelsplat.app.recording import Recording, put
+from skelsplat.app.recording import Recording
 from skelsplat.cli.options import option_of
 from skelsplat.cli.rows import Option
+from skelsplat.cli.settings import put
 from skelsplat.findings import Finding
 from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.run.compared import AnyRun, compared, findings_of, numbers_of
@@ -23,11 +25,12 @@ _OUTDATED = "There are videos of an earlier result, which are not shown. Draw th
 _PAUSED = "Where the video is paused, the report shows the same frame."
 
 
+@dataclass(eq=False)
 class ResultParts:
     """What is to be looked at, and to be taken away."""
 
-    def __init__(self, recording: Recording, press: Callable[..., Awaitable[None]]) -> None:
-        self.recording, self.press = recording, press
+    recording: Recording
+    press: Callable[..., Awaitable[None]]
 
     def address(self, name: str, **more: str) -> str:
         """Return the address of a file of the run."""

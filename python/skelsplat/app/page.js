@@ -12,6 +12,7 @@ async function* filesOf(entry, path) {
   }
 }
 
+let said = "";  // of what was brought last
 async function bring(zone, named) {
   const say = zone.querySelector("[role=status]");
   let count = 0, refused = "";
@@ -23,7 +24,8 @@ async function bring(zone, named) {
     if (answer.ok) count += 1;
     else refused = (await answer.json()).detail;
   }
-  say.textContent = [count ? `${count === 1 ? "1 file is" : `${count} files are`} in the folder.` : "", refused].filter(Boolean).join(" ");
+  said = [count ? `${count === 1 ? "1 file is" : `${count} files are`} in the folder.` : "", refused].filter(Boolean).join(" ");
+  say.textContent = said;
   emitEvent("brought");
 }
 
@@ -45,7 +47,7 @@ for (const kind of ["dragover", "dragleave", "drop"]) {
   });
 }
 
-// Where the keyboard was is shown anew: it goes on at the button of the same name, at Cancel, or at the first field there.
+// What is shown anew keeps what it said, and the keyboard: it goes on at the button of the same name, at Cancel, or at the first field there.
 const PLACES = ".s-do, .s-part, section";
 let last = null;
 document.addEventListener("focusin", ({ target }) => {
@@ -54,6 +56,8 @@ document.addEventListener("focusin", ({ target }) => {
 });
 document.addEventListener("pointerdown", () => { last = null; });
 new MutationObserver(() => {
+  const status = document.querySelector(".s-drop [role=status]");
+  if (status && said && !status.textContent) status.textContent = said;
   if (!last || last.target.isConnected || document.activeElement !== document.body) return;
   const buttons = [...document.querySelectorAll(last.place + " button:not([disabled])")];
   const next = buttons.find((one) => one.textContent === last.text) || document.querySelector(".s-bar button") || buttons[0] || document.querySelector(last.place + " :is(input, a)");

@@ -11,13 +11,13 @@ from nicegui import run, ui
 from skelsplat.app.forms import Form
 from skelsplat.app.parts import address, attempt, button, html, note, progress, section, shown, table
 from skelsplat.app.places import Place
-from skelsplat.app.recording import put
 from skelsplat.app.recording_page import RecordingPage
 from skelsplat.app.recordings import Recordings
 from skelsplat.cli.process import DONE
+from skelsplat.cli.settings import put
 from skelsplat.exceptions import SkelSplatError
 from skelsplat.io._run_files import is_run
-from skelsplat.run.contents import recordings_in
+from skelsplat.run.contents import RECORDING, kinds_of
 from skelsplat.run.found import output_of
 
 _HERE = Path(__file__).parent
@@ -67,6 +67,7 @@ async def _show(place: Place, at: str, show: Callable[[Path], Awaitable[None]]) 
             await show(folder)
             waiting.delete()
     except SkelSplatError as error:
+        main.clear()
         with main:
             note("error", str(error))
             ui.link("Back to the first folder", "/")
@@ -76,26 +77,20 @@ async def _folder(recordings: Recordings, folder: Path) -> None:
     """Show a folder: those in it, which of them hold recordings, and how to refine these together."""
     place = recordings.place
     folders = place.folders(folder)
-    held = await run.io_bound(lambda: {one: recordings_in(one) for one in (folder, *folders)})
-    if held is None:  # the server ends
-        return
-    # the folders in a recording are its parts
-    inside = [one for one in folders if held[one] == (".",) and held[folder] != (".",)]
+    kinds = await run.io_bound(kinds_of, folder, folders) or {}
+    inside = [one for one in folders if kinds.get(one) == RECORDING]
     with section("Choose the folder of a recording"):
         ui.label(_WHAT).classes("s-dim")
         here = address("/recording", at=place.relative(folder))
-        button("Use this folder", lambda: ui.navigate.to(here), first=True).classes("self-start")
+        button("Use this folder", lambda: ui.navigate.to(here), first=not inside).classes("self-start")
         path = ui.input("Path of the folder", value=str(folder)).props("outlined dense").classes("w-full")
         path.on("keydown.enter", lambda: ui.navigate.to(address("/", at=path.value or "")))
         with ui.element("div").classes("s-folders"):
             for one in folders:
                 with ui.element("div").classes("s-folder"):
-                    page = "/recording" if one in inside else "/"
-                    ui.link(one.name, address(page, at=place.relative(one)))
-                    several = page == "/" and held[folder] != (".",) and bool(held[one])
-                    badges = {"recording": page != "/", "recordings": several}
-                    badges["has results"] = is_run(one / output_of(one))
-                    for badge in (name for name, holds in badges.items() if holds):
+                    ui.link(one.name, address("/recording" if one in inside else "/", at=place.relative(one)))
+                    results = "has results" if is_run(one / output_of(one)) else ""
+                    for badge in filter(None, (kinds.get(one), results)):
                         ui.label(badge).classes("s-badge")
     if len(inside) > 1:
         with section("Several recordings at once"):

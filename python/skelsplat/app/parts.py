@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
-from re import sub
 from typing import Any
 from urllib.parse import quote, urlencode
 
 from nicegui import run, ui
 
 from skelsplat._escape import escaped
-from skelsplat.app.recording import OPTIONS
-from skelsplat.cli.batch import typed_for_refine
 from skelsplat.cli.process import CANCELLED, FAILED, RUNNING, Work
+from skelsplat.cli.settings import worded
 from skelsplat.exceptions import SkelSplatError
 
 _EVERY_S = 0.25
-_TITLES = {flag: row.title for rows in OPTIONS.values() for row in rows for flag in row.flags}
 
 
 def address(page: str, **query: str) -> str:
@@ -33,11 +30,6 @@ def html(text: str) -> ui.html:
 def shown(text: object) -> str:
     """Return a text from elsewhere as HTML."""
     return escape(escaped(str(text)))
-
-
-def worded(text: str) -> str:
-    """Return a sentence with the settings called as on the page."""
-    return sub(r"--[a-z][a-z-]*", lambda flag: f"“{_TITLES.get(flag[0], flag[0])}”", typed_for_refine(text))
 
 
 def section(name: str) -> ui.element:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,10 +10,10 @@ from threading import Lock
 from typing import Any
 
 from skelsplat.app.places import Place
-from skelsplat.cli import calibrate, detect, options, pictures
 from skelsplat.cli.batch import job_of
 from skelsplat.cli.process import DONE, RUNNING, Work
 from skelsplat.cli.rows import NAME_OR_PATH, Option, texts_in, texts_of, typed
+from skelsplat.cli.settings import OPTIONS, SHARED, put, reading_of
 from skelsplat.exceptions import InvalidInputError, SkelSplatError
 from skelsplat.run.compared import AnyRun, open_run
 from skelsplat.run.earlier import options_of
@@ -22,19 +21,6 @@ from skelsplat.run.files import videos_of_run
 from skelsplat.run.found import Found, look, output_of
 
 _CAMERAS, _PAGE_OF_CAMERAS, _KEYPOINTS = "Calib-from-people.toml", "calibration.html", "pose"
-_OF_FILES = {"calibration", "detections", "output", "videos", "run", "report", "force", "overwrite", "plain"}
-OPTIONS: dict[str, tuple[Option, ...]] = {
-    command: tuple(row for row in rows if row.name not in _OF_FILES)
-    for command, rows in {
-        "refine": options.JOB,
-        "calibrate": calibrate.OPTIONS,
-        "detect": detect.OPTIONS,
-        "overlay": pictures.OVERLAY_OPTIONS,
-    }.items()
-}
-"""By command, the options that are settings: all but those that say which files."""
-SHARED = ("layout", "frames", "format", "mapping", "sequence", "fps")
-"""Options of calibrate that are those of refine, and are set once."""
 
 
 @dataclass
@@ -63,22 +49,13 @@ class Recording:
         """Whether a command is being done."""
         return self.work is not None and self.work.state == RUNNING
 
-    def is_wrong(self, command: str) -> bool:
-        """Whether a setting of a command has a text that is no value."""
-        given = self.given[command]
-        return any(
-            row.kind is not bool and row.wrong(given[row.name])
-            for row in OPTIONS[command]
-            if row.name in given
-        )
-
     def look(self) -> Recording:
         """Look at the folder anew; the settings of an earlier run there count until others are given."""
         self.result = open_run(self.output)
         if self.result is not None and not self.version and not self.given["refine"]:
             self.given["refine"] = texts_of(OPTIONS["refine"], options_of(self.result.report))
         self.drawn = videos_of_run(self.output) if self.result is not None else {}
-        self.found = look(self.folder, read_with(self.given), self.place.root)
+        self.found = look(self.folder, reading_of(self.given), self.place.root)
         self.version += 1
         return self
 
@@ -154,19 +131,3 @@ class Recording:
         if self.before is not None:
             self.given["refine"], self.before = self.before[2], None
             self.start("refine")
-
-
-def read_with(given: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """Return how files are read with settings, as `look` takes it; `InvalidInputError` if one is wrong."""
-    texts = given["refine"]
-    job = job_of([".", ".", "-o", ".", *typed(OPTIONS["refine"], texts)])
-    chosen = {name: texts.get(name) for name in ("calibration", "detections")}
-    return {**vars(job), **chosen, "image_size": given.get("calibrate", {}).get("size")}
-
-
-def put(given: dict[str, Any], name: str, value: Any) -> None:
-    """Set the text of a setting; nothing takes it back."""
-    if value in (None, "", False, []):
-        given.pop(name, None)
-    else:
-        given[name] = value

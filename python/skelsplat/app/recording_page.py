@@ -13,7 +13,8 @@ from skelsplat._optional import pip_line
 from skelsplat.app.forms import Form
 from skelsplat.app.look import ResultParts
 from skelsplat.app.parts import address, attempt, button, code, facts, html, note, progress, section, table
-from skelsplat.app.recording import OPTIONS, Recording, put
+from skelsplat.app.recording import Recording
+from skelsplat.cli.settings import OPTIONS, are_wrong, put
 from skelsplat.run.found import Lack
 
 _EVERY_S = 0.3
@@ -23,10 +24,10 @@ _DROP = (
     "<label><input type=file webkitdirectory><span>a folder</span></label>."
     "<div role=status class='s-small'></div></div>"
 )
-# By command: what its button says, the packages of which it needs one, and the extras that have them.
+# By command: what its button says, and the packages of which it needs one, with their extras.
 _REMEDIES = {
-    "detect": ("Find people in the videos", ("mediapipe", "rtmlib"), ("rtmlib", "mediapipe")),
-    "calibrate": ("Find the cameras from the people", ("cv2",), ("video",)),
+    "detect": ("Find people in the videos", {"rtmlib": "rtmlib", "mediapipe": "mediapipe"}),
+    "calibrate": ("Find the cameras from the people", {"cv2": "video"}),
 }
 # Settings on which it depends what is found.
 _READ_WITH = {row.name for row in OPTIONS["refine"] if row.panel in ("Calibration", "Input")} | {"fps"}
@@ -75,7 +76,7 @@ class RecordingPage:
         """Take over a setting from the form."""
         put(self.recording.given[command], name, value)
         self.given = dict(self.recording.given["refine"])
-        if name in _READ_WITH and not self.recording.is_wrong(command):
+        if name in _READ_WITH and not are_wrong(command, self.recording.given[command]):
             await self.press(self.recording.look)
         else:
             self.action.refresh()
@@ -112,10 +113,10 @@ class RecordingPage:
             html(_DROP.format(escape(folder, quote=True)))
 
     def _lack(self, lack: Lack) -> None:
-        words, needed, extras = _REMEDIES.get(lack.command, ("", (), ()))
+        words, needed = _REMEDIES.get(lack.command, ("", {}))
         with note("note" if lack.optional else "lack", lack.text), ui.element("div").classes("s-row"):
             if needed and not any(find_spec(name) for name in needed):
-                lines = " or ".join(map(pip_line, extras))
+                lines = " or ".join(map(pip_line, needed.values()))
                 ui.label(f"{words}: first run {lines}. Then start skelsplat app again.")
             elif words:
                 start = button(words, lambda: self.press(self.recording.start, lack.command), first=True)
@@ -149,11 +150,11 @@ class RecordingPage:
         with ui.element("div").classes("s-row"):
             again = " again" if recording.result is not None else ""
             start = button(f"Find the pose{again}", lambda: self.press(recording.start, "refine"), first=True)
-            is_wrong = recording.is_wrong("refine")
-            start.set_enabled(found.ready and not is_wrong)
-            if is_wrong or not found.ready:
-                words = "First, the setting that is marked." if is_wrong else "First, what is missing above."
-                ui.label(words).classes("s-dim s-small")
+            first = "" if found.ready else "First, what is missing above."
+            if are_wrong("refine", recording.given["refine"]):
+                first = "First, the setting that is marked."
+            start.set_enabled(not first)
+            ui.label(first).classes("s-dim s-small")
 
     @ui.refreshable_method
     def words(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import suppress
 from itertools import islice
 from pathlib import Path
@@ -13,6 +14,7 @@ from skelsplat.io.calibration import find_format as calibration_format
 from skelsplat.io.detections import sights
 from skelsplat.io.detections._registry import recognised
 
+RECORDING, SEVERAL = "recording", "recordings"
 _LOOKED_AT = 200  # files of a folder, and folders of a level
 _LEVELS = ("*/", "*/*/", "*/*/*/")  # a session, a participant, a trial: the deepest there is
 _BY_COMMANDS = ("overlay", "plots", "opensim")
@@ -37,12 +39,17 @@ def contents(folder: Path) -> tuple[tuple[str, ...], str, tuple[str, ...]]:
     return (), "" if several else next(iter(videos), ""), tuple(dict.fromkeys(several))
 
 
-def recordings_in(folder: Path) -> tuple[str, ...]:
-    """Return the folders with recordings: ``.`` if it is itself one, else those in it."""
+def kind_of(folder: Path) -> str:
+    """Return what a folder is, if it is a recording or holds several."""
     with suppress(SkelSplatError, OSError):
         detections, videos, inside = contents(folder)
-        return inside or ((".",) if detections or videos else ())
-    return ()
+        return SEVERAL if inside else RECORDING if detections or videos else ""
+    return ""
+
+
+def kinds_of(folder: Path, inside: Iterable[Path]) -> dict[Path, str]:
+    """Return what folders in a folder are; those in a recording are parts of it."""
+    return {} if kind_of(folder) == RECORDING else {one: kind_of(one) for one in inside}
 
 
 def _detections(folder: Path) -> list[str]:
