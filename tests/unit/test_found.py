@@ -108,6 +108,13 @@ def test_folders_with_videos_each_are_several_recordings(tmp_path):
     assert look(tmp_path, {}).inside == ("a", "b")
 
 
+def test_folders_that_are_called_after_videos_are_of_one_recording(tmp_path):
+    for name in ("annotated_videos", "synchronized_videos"):  # FreeMoCap's
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "cam1.mp4").write_bytes(b"none")
+    assert look(tmp_path, {}).videos == "synchronized_videos"
+
+
 def test_a_calibration_of_several_recordings_may_be_above_them(folder, tmp_path):
     shutil.copytree(folder / "openpose", tmp_path / "top" / "a" / "pose")
     (tmp_path / "top" / "calibration").mkdir()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from contextlib import suppress
-from itertools import islice
 from pathlib import Path
 
 from skelsplat.exceptions import DatasetError, SkelSplatError
@@ -12,30 +11,28 @@ from skelsplat.io._files import VIDEO_SUFFIXES
 from skelsplat.io._run_files import is_run
 from skelsplat.io.calibration import find_format as calibration_format
 from skelsplat.io.detections import sights
-from skelsplat.io.detections._registry import recognised
+from skelsplat.io.detections._registry import folders_beneath, recognised
 
 RECORDING, SEVERAL = "recording", "recordings"
-_LOOKED_AT = 200  # files of a folder, and folders of a level
-_LEVELS = ("*/", "*/*/", "*/*/*/")  # a session, a participant, a trial: the deepest there is
+_LOOKED_AT = 200  # files of a folder
 _BY_COMMANDS = ("overlay", "plots", "opensim")
 
 
 def contents(folder: Path) -> tuple[tuple[str, ...], str, tuple[str, ...]]:
     """Return the detections and the folder of videos of a recording; or folders in it with a recording each.
 
-    Names are paths from the folder. It holds several recordings if detections are in several folders of it,
-    or videos of several cameras are, and neither in itself.
+    Names are paths from the folder. It holds several recordings if several folders of it have detections, or
+    videos without being called so, and it has none itself.
     """
     found, videos = _detections(folder), _videos(folder)
     of = dict.fromkeys(_recording_of(folder, name) for name in found)
     if folder in of or len(of) == 1:
         here = folder if folder in of else next(iter(of))
-        return (
-            tuple(name for name in found if _recording_of(folder, name) == here),
-            next(iter(videos), ""),
-            (),
-        )
-    several = [one.relative_to(folder).parts[0] for one in of] or (videos if len(videos) > 1 else [])
+        own = tuple(name for name in found if _recording_of(folder, name) == here)
+        return own, next(iter(videos), ""), ()
+    several = [one.relative_to(folder).parts[0] for one in of]
+    if not of and len(videos) > 1 and not any("video" in name for name in videos):
+        several = videos
     return (), "" if several else next(iter(videos), ""), tuple(dict.fromkeys(several))
 
 
@@ -57,20 +54,8 @@ def _detections(folder: Path) -> list[str]:
     with suppress(DatasetError):  # it cannot be read
         if found := _detections_at(folder):
             return found
-    for level in _LEVELS:
-        inside = (one.relative_to(folder) for one in folder.glob(level) if one.is_dir())
-        shown = (
-            one
-            for one in inside
-            if not any(part.startswith(".") or part in _BY_COMMANDS for part in one.parts)
-        )
-        found = []
-        for name in sorted(islice(shown, _LOOKED_AT)):
-            with suppress(DatasetError):
-                found += [(name / one).as_posix() for one in _detections_at(folder / name)]
-        if found:
-            return found
-    return []
+    beneath = map(Path, folders_beneath(folder, _detections_at))
+    return [path.as_posix() for path in beneath if not any(part in _BY_COMMANDS for part in path.parts)]
 
 
 def _detections_at(folder: Path) -> list[str]:
@@ -104,7 +89,7 @@ def _recording_of(folder: Path, detections: str) -> Path:
 
 
 def _videos(folder: Path) -> list[str]:
-    """Return the folders of videos: itself, or the folders in it."""
+    """Return the folders of videos: itself, or those in it, the ones that a tool has drawn on last."""
 
     def count(place: Path) -> int:
         return sum(one.suffix.lower() in VIDEO_SUFFIXES for one in place.iterdir())
@@ -112,6 +97,5 @@ def _videos(folder: Path) -> list[str]:
     if count(folder):
         return ["."]
     inside = (one for one in folder.iterdir() if one.is_dir() and not one.name.startswith("."))
-    return sorted(
-        one.name for one in inside if one.name not in _BY_COMMANDS and not is_run(one) and count(one)
-    )
+    names = (one.name for one in inside if one.name not in _BY_COMMANDS and not is_run(one) and count(one))
+    return sorted(names, key=lambda name: (name.startswith("annotated"), name))
