@@ -18,6 +18,7 @@ _MAIN = {
     "refine": ("people", "person", "unit", "layout", "fps", "adjust_cameras", "write", "angles", "opensim"),
     "calibrate": ("stature",),
 }
+_NOT_MORE = {**_MAIN, "calibrate": (*_MAIN["calibrate"], *SHARED)}
 _FREE = ("layout", "person", "people")  # choices among which another text can be typed
 
 
@@ -39,18 +40,16 @@ class Form:
 
     def more(self, commands: Sequence[str]) -> None:
         """Show all others, by command and part of its help; closed, which of them are set."""
-        left = {command: [row for row in OPTIONS[command] if _is_more(command, row)] for command in commands}
-        given = [
-            row for command in commands for row in left[command] if row.name in self.given.get(command, {})
-        ]
-        said = f" (set: {', '.join(row.title for row in given)})" if given else ""
+        every = [(command, row) for command in commands for row in OPTIONS[command]]
+        left = [(command, row) for command, row in every if row.name not in _NOT_MORE.get(command, ())]
+        given = [row.title for command, row in left if row.name in self.given.get(command, {})]
+        said = f" (set: {', '.join(given)})" if given else ""
         with ui.expansion(f"More settings{said}").classes("w-full"):
-            for command in commands:
-                for panel, rows in groupby(left[command], key=lambda row: row.panel):
-                    head(panel if command == "refine" else f"{command.capitalize()}: {panel.lower()}")
-                    with ui.element("div").classes("s-fields"):
-                        for row in rows:
-                            self.field(command, row)
+            for (command, panel), rows in groupby(left, key=lambda one: (one[0], one[1].panel)):
+                head(panel if command == "refine" else f"{command.capitalize()}: {panel.lower()}")
+                with ui.element("div").classes("s-fields"):
+                    for _, row in rows:
+                        self.field(command, row)
 
     def field(self, command: str, row: Option) -> None:
         """Show a setting with its sentence."""
@@ -81,10 +80,6 @@ class Form:
 
     def _changed(self, command: str, row: Option, event: Any) -> object:
         return self.change(command, row.name, _value(row, event.value))
-
-
-def _is_more(command: str, row: Option) -> bool:
-    return row.name not in (*_MAIN.get(command, ()), *(SHARED if command == "calibrate" else ()))
 
 
 def _value(row: Option, value: Any) -> Any:

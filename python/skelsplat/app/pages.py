@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from nicegui import run, ui
 
@@ -13,8 +15,8 @@ from skelsplat.app.parts import address, attempt, button, html, note, progress, 
 from skelsplat.app.places import Place
 from skelsplat.app.recording_page import RecordingPage
 from skelsplat.app.recordings import Recordings
-from skelsplat.cli.process import DONE
-from skelsplat.cli.settings import put
+from skelsplat.cli.process import DONE, RUNNING
+from skelsplat.cli.settings import are_wrong, put
 from skelsplat.exceptions import SkelSplatError
 from skelsplat.io._run_files import is_run
 from skelsplat.run.contents import RECORDING, kinds_of
@@ -30,22 +32,18 @@ _TOGETHER = "All with the same settings, each with its own results. What has not
 
 def add_pages(recordings: Recordings) -> None:
     """Add the page of a folder and that of a recording."""
+    place = recordings.place
 
     @ui.page("/")
     async def folder_page(at: str = "") -> None:
-        await _show(recordings.place, at, partial(_folder, recordings))
+        await _show(place, at, lambda one: kinds_of(one, place.folders(one)), partial(_folder, recordings))
 
     @ui.page("/recording")
     async def recording_page(at: str = "") -> None:
-        async def show(folder: Path) -> None:
-            recording = await run.io_bound(recordings.at, folder)
-            if recording is not None:  # the server ends
-                RecordingPage(recording).show()
-
-        await _show(recordings.place, at, show)
+        await _show(place, at, recordings.at, lambda _, recording: RecordingPage(recording).show())
 
 
-async def _show(place: Place, at: str, show: Callable[[Path], Awaitable[None]]) -> None:
+async def _show(place: Place, at: str, look: Callable[[Path], Any], show: Callable[..., None]) -> None:
     """Show the page of a folder, or why it is refused."""
     ui.add_css((_HERE / "page.css").read_text(encoding="utf-8"))
     ui.add_body_html(f"<script>{(_HERE / 'page.js').read_text(encoding='utf-8')}</script>")
@@ -63,21 +61,23 @@ async def _show(place: Place, at: str, show: Callable[[Path], Awaitable[None]]) 
         with main:
             html(f"<h1 class='s-title'>{shown(folder.name or folder)}</h1>")
             waiting = ui.label("Looking at the folder …").props("role=status").classes("s-dim")
-            await ui.context.client.connected()  # long recordings take their time
-            await show(folder)
-            waiting.delete()
-    except SkelSplatError as error:
+            client = ui.context.client
+            await client.connected()  # long recordings take their time
+            found = await run.io_bound(look, folder)
+            if found is not None and client.id in client.instances:  # else the server or the tab has ended
+                waiting.delete()
+                show(folder, found)
+    except (SkelSplatError, OSError) as error:
         main.clear()
         with main:
             note("error", str(error))
             ui.link("Back to the first folder", "/")
 
 
-async def _folder(recordings: Recordings, folder: Path) -> None:
+def _folder(recordings: Recordings, folder: Path, kinds: Mapping[Path, str]) -> None:
     """Show a folder: those in it, which of them hold recordings, and how to refine these together."""
     place = recordings.place
     folders = place.folders(folder)
-    kinds = await run.io_bound(kinds_of, folder, folders) or {}
     inside = [one for one in folders if kinds.get(one) == RECORDING]
     with section("Choose the folder of a recording"):
         ui.label(_WHAT).classes("s-dim")
@@ -97,24 +97,30 @@ async def _folder(recordings: Recordings, folder: Path) -> None:
             _Together(recordings, folder, inside).show()
 
 
+@dataclass(eq=False)
 class _Together:
     """How several recordings in a folder are refined together."""
 
-    def __init__(self, recordings: Recordings, folder: Path, inside: list[Path]) -> None:
-        self.recordings, self.folder = recordings, folder
-        self.inside, self.problem = inside, ""
+    recordings: Recordings
+    folder: Path
+    inside: Sequence[Path]
+    problem: str = ""
 
     def show(self) -> None:
         """Show which, their settings, and what is being done."""
         ui.label(_TOGETHER).classes("s-dim")
         with ui.element("div").classes("s-row"):
             self.boxes = [ui.checkbox(one.name, value=True) for one in self.inside]
-        given = self.recordings.given.setdefault(self.folder, {})
+        self.given = self.recordings.given.setdefault(self.folder, {})
         with ui.expansion("Settings").classes("w-full"):
-            form = Form({"refine": given}, lambda _, name, value: put(given, name, value))
+            form = Form({"refine": self.given}, self._set)
             form.main(["refine"])
             form.more(["refine"])
         self.action()
+
+    def _set(self, _: str, name: str, value: Any) -> None:
+        put(self.given, name, value)
+        self.action.refresh()
 
     async def _start(self) -> None:
         chosen = [one for one, box in zip(self.inside, self.boxes, strict=True) if box.value]
@@ -134,4 +140,4 @@ class _Together:
                 names = ("recording", "status", "frames", "findings", "error")
                 table([name.capitalize() for name in names], [[row[name] for name in names] for row in rows])
         start = button("Refine the chosen recordings", self._start, first=True).classes("self-start")
-        start.set_enabled(work is None or work.state != "running")
+        start.set_enabled((work is None or work.state != RUNNING) and not are_wrong("refine", self.given))

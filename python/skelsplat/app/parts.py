@@ -104,10 +104,9 @@ async def attempt(action: Callable[..., object], *given: object) -> str:
 
 def progress(work: Work, cancel: Callable[[], None], ended: Callable[[], object]) -> None:
     """Show a bar with the time left and a button that cancels, and call ``ended`` once; or how it ended."""
-    if work.state == FAILED:
-        note("error", work.error)
-    if work.state == CANCELLED:
-        note("note", f"Cancelled. {work.left}")
+    ended_so = {FAILED: ("error", work.error), CANCELLED: ("note", f"Cancelled. {work.left}")}
+    if work.state in ended_so:
+        note(*ended_so[work.state])
     if work.state != RUNNING:
         return
     with ui.element("div").classes("s-bar"):
