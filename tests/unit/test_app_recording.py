@@ -18,7 +18,7 @@ from skelsplat.app.recordings import Recordings
 from skelsplat.cli.batch import job_of, sessions_of
 from skelsplat.cli.process import Work
 from skelsplat.cli.rows import texts_in, texts_of, typed
-from skelsplat.cli.settings import OPTIONS, are_wrong, put, worded
+from skelsplat.cli.settings import OPTIONS, are_wrong, put, worded, wrong
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.run import Job
 from skelsplat.run.compared import compared, findings_of, open_run
@@ -96,11 +96,14 @@ def test_nothing_is_to_be_typed_before_all_is_there(recording):
         ("offsets", ["cam1"], "Expected A=B, each A once, got 'cam1'."),
         ("fps", "29.97", ""),
         ("offsets", ["cam1=-2", "cam2=3.5"], ""),
-        ("layout", "anything", ""),
+        ("filter", "any", "Expected butterworth[:HZ[:ORDER]], got any."),
+        ("filter", "butterworth:6", "Requires “Frame rate”."),
+        ("layout", "coco17", ""),
     ],
 )
 def test_what_is_wrong_with_a_setting_is_one_sentence_beside_it(recording, name, text, words):
-    assert next(row for row in ROWS if row.name == name).wrong(text) == words
+    row = next(row for row in ROWS if row.name == name)
+    assert wrong("refine", row, text, {}) == words
     recording.given["refine"] = {name: text}
     assert are_wrong("refine", recording.given["refine"]) == bool(words)
 

@@ -12,7 +12,7 @@ from nicegui import ui
 
 from skelsplat.app.parts import head
 from skelsplat.cli.rows import Option
-from skelsplat.cli.settings import OPTIONS, SHARED, worded
+from skelsplat.cli.settings import OPTIONS, SHARED, worded, wrong
 
 _MAIN = {
     "refine": ("people", "person", "unit", "layout", "fps", "adjust_cameras", "write", "angles", "opensim"),
@@ -53,7 +53,8 @@ class Form:
 
     def field(self, command: str, row: Option) -> None:
         """Show a setting with its sentence."""
-        value, change = self.given.get(command, {}).get(row.name), partial(self._changed, command, row)
+        given, change = self.given.get(command, {}), partial(self._changed, command, row)
+        value = given.get(row.name)
         choices = self.cameras if row.name == "without" else row.choices
         several = row.many or row.name == "write"
         with ui.element("div").classes("s-field").props(f'data-setting="{command}.{row.name}"'):
@@ -71,11 +72,10 @@ class Form:
                 field.props("outlined dense stack-label options-dense")
             else:
                 text = ", ".join(value or []) if several else value or ""
-                hint = row.usual or row.metavar
-                made = ui.input(row.title, value=text, placeholder=hint, autocomplete=[*choices])
-                made.on_value_change(change)
+                hint, own = row.usual or row.metavar, [*choices]
+                made = ui.input(row.title, value=text, placeholder=hint, on_change=change, autocomplete=own)
                 made.props("outlined dense stack-label hide-bottom-space debounce=300")
-                made.validation = lambda text: row.wrong(_value(row, text)) or None if text else None
+                made.validation = lambda text: wrong(command, row, _value(row, text), given) or None
             ui.label(worded(row.help)).classes("s-help")
 
     def _changed(self, command: str, row: Option, event: Any) -> object:

@@ -139,11 +139,10 @@ class ResultParts:
             whole = address("/zip", folder=self.recording.place.relative(folder))
             save = button("Everything in one zip file", lambda: ui.navigate.to(whole), first=True)
             save.classes("self-start")
-            late = ", of an earlier result"
             old = {f"overlay/{name}.mp4" for name, now in self.recording.drawn.items() if not now}
             links = (
                 f"<a href='{shown(self.address(name, download='1'))}' download><b>{shown(name)}</b>"
-                f"<span>{shown(about)}{late * (name in old)}</span><span>{size_of(size)}</span></a>"
+                f"<span>{shown(about)}{', outdated' * (name in old)}</span><span>{size_of(size)}</span></a>"
                 for name, about, size in files
             )
             html("".join(links)).classes("s-files")

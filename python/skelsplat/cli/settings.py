@@ -10,6 +10,7 @@ from typing import Any
 from skelsplat.cli import calibrate, detect, options, pictures
 from skelsplat.cli.batch import job_of, typed_for_refine
 from skelsplat.cli.rows import Option, typed
+from skelsplat.exceptions import InvalidInputError
 
 _OF_FILES = {"calibration", "detections", "output", "videos", "run", "report", "force", "overwrite", "plain"}
 OPTIONS: dict[str, tuple[Option, ...]] = {
@@ -35,10 +36,23 @@ def put(given: dict[str, Any], name: str, value: Any) -> None:
         given[name] = value
 
 
+def wrong(command: str, row: Option, value: Any, given: Mapping[str, Any]) -> str:
+    """Return in a sentence what is wrong with the text of a setting, with those ``given``; else nothing."""
+    if row.kind is bool or not value:
+        return ""
+    found = row.wrong(value)
+    if not found and command == "refine":
+        try:
+            job_of([".", ".", "-o", ".", *typed(OPTIONS[command], {**given, row.name: value})])
+        except InvalidInputError as error:
+            of, _, words = str(error).partition(": ")
+            found = f"{words[:1].upper()}{words[1:]}." if of == row.flag else ""
+    return worded(found)
+
+
 def are_wrong(command: str, given: Mapping[str, Any]) -> bool:
-    """Whether the text of a setting of a command is no value of it."""
-    rows = (row for row in OPTIONS[command] if row.kind is not bool and row.name in given)
-    return any(row.wrong(given[row.name]) for row in rows)
+    """Whether something is wrong with one of the settings of a command."""
+    return any(wrong(command, row, given.get(row.name), given) for row in OPTIONS[command])
 
 
 def worded(text: str) -> str:
