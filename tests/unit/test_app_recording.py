@@ -146,6 +146,14 @@ def test_the_page_is_there_before_the_recording_was_looked_at(recording, monkeyp
     assert (status, "Looking at the folder" in text, looks) == (200, True, [])
 
 
+def test_a_setting_that_is_wrong_is_marked_whenever_it_is_shown():
+    with Client(page("")) as client:
+        row = next(row for row in ROWS if row.name == "fps")
+        Form({"refine": {"fps": "abc"}}, put).field("refine", row)
+        (field,) = (one for one in client.elements.values() if isinstance(one, ui.input))
+    assert field.error == "Expected a number, got 'abc'."
+
+
 def test_two_tabs_that_open_a_recording_look_once(recording, monkeypatch):
     looks, goes_on = [], Event()
 

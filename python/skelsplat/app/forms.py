@@ -76,6 +76,7 @@ class Form:
                 made = ui.input(row.title, value=text, placeholder=hint, on_change=change, autocomplete=own)
                 made.props("outlined dense stack-label hide-bottom-space debounce=300")
                 made.validation = lambda text: wrong(command, row, _value(row, text), given) or None
+                made.validate()
             ui.label(worded(row.help)).classes("s-help")
 
     def _changed(self, command: str, row: Option, event: Any) -> object:
