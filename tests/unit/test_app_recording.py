@@ -82,7 +82,7 @@ def test_what_a_cancelled_command_left_behind_is_said(tmp_path):
 
 def test_nothing_is_to_be_typed_before_all_is_there(recording):
     recording.found = Found(recording.folder, detections="pose", lacks=(Lack("none", "calibrate"),))
-    assert "refine" not in recording.lines()["the commands"]
+    assert recording.lines() == {"the commands": f"cd {shlex.quote(str(recording.folder))}"}
 
 
 @pytest.mark.parametrize(
