@@ -72,6 +72,7 @@ def visit(context, server):
         page.on("request", lambda asked: own.match(asked.url) or complaints.append(asked.url))
         page.goto(f"http://127.0.0.1:{server.port}{path}")
         page.wait_for_function(LISTENS)
+        page.get_by_text("Looking at the folder").wait_for(state="detached")
         return page
 
     yield open_page
@@ -145,7 +146,8 @@ def test_what_is_wrong_is_said_in_one_line_with_what_to_do(visit):
     page = visit("/recording?at=third")
     settle(page)
     page.get_by_label("Frame rate").first.fill("-3")
-    page.get_by_role("alert").get_by_text("--fps: expected").wait_for()
+    page.get_by_role("alert").get_by_text("Expected a positive number, got -3.").wait_for()
+    assert page.get_by_role("button", name="Find the pose").is_disabled()
     page.get_by_label("Frame rate").first.fill("50")
     page.get_by_text("--fps 50").first.wait_for()
 
@@ -161,8 +163,10 @@ def test_without_a_mouse(visit):
             break
     page.keyboard.press("Enter")
     page.get_by_role("progressbar").wait_for()
-    type_enter(page, "Cancel")
+    page.wait_for_function("document.activeElement.innerText === 'Cancel'")
+    page.keyboard.press("Enter")
     page.get_by_text("Cancelled.").wait_for()
+    page.wait_for_function("document.activeElement.innerText === 'Find the pose'")
 
 
 def test_a_narrow_screen_scrolls_only_down(visit):
@@ -179,7 +183,8 @@ def test_files_are_brought_into_an_empty_folder(visit, root):
     page = visit("/recording?at=empty")
     page.get_by_text("no videos and no keypoints").wait_for()
     page.locator("input[type=file]").first.set_input_files(root / "walk/Calib.toml")
-    page.get_by_text("1 file is in the folder.").wait_for()
+    page.get_by_text("Calib.toml", exact=True).wait_for()
+    assert page.get_by_text("1 file is in the folder.").is_visible()
     assert (root / "empty/Calib.toml").read_bytes() == (root / "walk/Calib.toml").read_bytes()
 
 

@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
+import asyncio
 import shlex
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from threading import Event
 
 import pytest
 
 import skelsplat as sk
 from skelsplat._budget import read_toml
 from skelsplat.app.places import Place
-from skelsplat.app.recording import OPTIONS, Recording
+from skelsplat.app.recording import Recording
+from skelsplat.app.recordings import Recordings
 from skelsplat.cli.batch import job_of, sessions_of
+from skelsplat.cli.process import Work
 from skelsplat.cli.rows import texts_in, texts_of, typed
+from skelsplat.cli.settings import OPTIONS, are_wrong, put, worded, wrong
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.run import Job
 from skelsplat.run.compared import compared, findings_of, open_run
-from skelsplat.run.found import Found
+from skelsplat.run.found import Found, Lack
+
+pytest.importorskip("nicegui")
+from nicegui import Client, ui
+from nicegui.page import page
+
+from skelsplat.app.forms import Form
+from skelsplat.app.server import _app
 
 ROWS = OPTIONS["refine"]
 GIVEN = {"unit": "m", "fps": "60", "offsets": ["cam1=-2"], "adjust_cameras": True, "write": "trc,bvh"}
@@ -48,10 +61,114 @@ def test_a_command_of_a_recording(recording):
     assert "fps=60.0" in recording.lines()["the Python lines"]
 
 
+def test_the_detector_that_is_installed_is_used(recording, monkeypatch):
+    for installed, words in (("mediapipe", []), ("rtmlib", ["--backend", "rtmlib"])):
+        monkeypatch.setattr(
+            "skelsplat.app.recording.find_spec", lambda name, it=installed: name == it or None
+        )
+        assert recording.words("detect")[4:] == words
+
+
 def test_a_path_that_leads_out_is_refused(recording):
     recording.given["refine"] = {"init": "../../pose.npz"}
     with pytest.raises(InvalidInputError, match=r"^folder: expected one in"):
         recording.words("refine")
+
+
+def test_what_a_cancelled_command_left_behind_is_said(tmp_path):
+    work = Work(["refine"], tmp_path, messages=["warning: x", "interrupted; out is unfinished: run it again"])
+    assert work.left == "Out is unfinished: run it again."
+
+
+def test_nothing_is_to_be_typed_before_all_is_there(recording):
+    recording.found = Found(recording.folder, detections="pose", lacks=(Lack("none", "calibrate"),))
+    assert recording.lines() == {"the commands": f"cd {shlex.quote(str(recording.folder))}"}
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("fps", "abc", "Expected a number, got 'abc'."),
+        ("fps", "-3", "Expected a positive number, got -3."),
+        ("max_steps", "1.5", "Expected a whole number from 0 on, got '1.5'."),
+        ("min_confidence", "2", "Expected a number from 0 to 1, got '2'."),
+        ("people", "many", "Expected all or a number of at least 1, got 'many'."),
+        ("offsets", ["cam1"], "Expected A=B, each A once, got 'cam1'."),
+        ("fps", "29.97", ""),
+        ("offsets", ["cam1=-2", "cam2=3.5"], ""),
+        ("filter", "any", "Expected butterworth[:HZ[:ORDER]], got any."),
+        ("filter", "butterworth:6", "Requires “Frame rate”."),
+        ("layout", "coco17", ""),
+    ],
+)
+def test_what_is_wrong_with_a_setting_is_one_sentence_beside_it(recording, name, text, words):
+    row = next(row for row in ROWS if row.name == name)
+    assert wrong("refine", row, text, {}) == words
+    recording.given["refine"] = {name: text}
+    assert are_wrong("refine", recording.given["refine"]) == bool(words)
+
+
+def test_sentences_have_the_names_of_the_page():
+    assert worded("--fps: give it, or --without cam1, or fps=30") == (
+        "“Frame rate”: give it, or “Without” cam1, or “Frame rate” 30"
+    )
+
+
+def test_a_setting_that_was_kept_is_shown_even_if_it_is_no_choice():
+    with Client(page("")) as client:
+        row = next(row for row in ROWS if row.name == "without")
+        Form({"refine": {"without": ["cam_03"]}}, put, ["cam01", "cam03"]).field("refine", row)
+        (field,) = (one for one in client.elements.values() if isinstance(one, ui.select))
+    assert (field.value, field.options) == (["cam_03"], ["cam01", "cam03", "cam_03"])
+
+
+async def answer_of(app, path, query):
+    """Return the status and the text that an application answers with."""
+    scope = {"type": "http", "method": "GET", "path": path, "raw_path": path.encode(), "headers": []}
+    scope |= {"query_string": query.encode(), "scheme": "http", "server": ("127.0.0.1", 80), "root_path": ""}
+    sent = []
+
+    async def receive():
+        return {"type": "http.request", "body": b""}
+
+    async def send(message):
+        sent.append(message)
+
+    async with app.router.lifespan_context(app):
+        await app({**scope, "http_version": "1.1"}, receive, send)
+    return sent[0]["status"], b"".join(one.get("body", b"") for one in sent).decode()
+
+
+def test_the_page_is_there_before_the_recording_was_looked_at(recording, monkeypatch):
+    looks = []
+    monkeypatch.setattr("skelsplat.app.recordings.Recordings.at", lambda *given: looks.append(given))
+    status, text = asyncio.run(answer_of(_app(Recordings(recording.place)), "/recording", "at=walk"))
+    assert (status, "Looking at the folder" in text, looks) == (200, True, [])
+
+
+def test_a_setting_that_is_wrong_is_marked_whenever_it_is_shown():
+    with Client(page("")) as client:
+        row = next(row for row in ROWS if row.name == "fps")
+        Form({"refine": {"fps": "abc"}}, put).field("refine", row)
+        (field,) = (one for one in client.elements.values() if isinstance(one, ui.input))
+    assert field.error == "Expected a number, got 'abc'."
+
+
+def test_two_tabs_that_open_a_recording_look_once(recording, monkeypatch):
+    looks, goes_on = [], Event()
+
+    def slow(folder, *_):
+        looks.append(folder)
+        goes_on.wait(30)
+        return recording.found
+
+    monkeypatch.setattr("skelsplat.app.recording.look", slow)
+    recordings = Recordings(recording.place)
+    with ThreadPoolExecutor(2) as pool:
+        tabs = [pool.submit(recordings.at, recording.folder) for _ in range(2)]
+        goes_on.set()
+    assert tabs[0].result() is tabs[1].result()
+    assert looks == [recording.folder]
 
 
 def test_a_setting_that_is_wrong_is_named(recording):

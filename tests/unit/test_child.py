@@ -36,6 +36,18 @@ def test_an_interruption_lets_it_finish_its_files():
     child.interrupt()  # of one that has ended nothing comes
 
 
+def test_an_interruption_reaches_what_it_has_started():
+    begun, found = threading.Event(), []
+    starts = "import subprocess; subprocess.call([sys.executable, '-c', 'import sys; ' + sys.argv[1]])"
+    child = Child(starts, WAITS, hear=lambda _: begun.set(), alone=True)
+    waiting = threading.Thread(target=lambda: found.append(child.outcome()))
+    waiting.start()
+    assert begun.wait(30)
+    child.interrupt()
+    waiting.join(30)  # what it has started has the same stdout
+    assert found[0][1] == "whole\n"
+
+
 def test_files_in_its_folder_are_not_imported(tmp_path):
     (tmp_path / "numpy.py").write_text("print('from the folder of a recording')", encoding="utf-8")
     status, printed = Child("import numpy; print(numpy.pi)", folder=tmp_path).outcome()

@@ -23,6 +23,7 @@ need_opencv()
 
 from skelsplat.detect import MediaPipe, _detectors, detect  # noqa: E402  after the check
 from skelsplat.io import read_detections  # noqa: E402
+from skelsplat.run.found import look  # noqa: E402
 
 CAMERAS = ("cam1", "cam2")
 
@@ -88,6 +89,7 @@ def test_what_is_there_after_an_interruption_is_not_detected_again(videos, tmp_p
     with pytest.raises(KeyboardInterrupt):
         detect(videos, tmp_path / "pose", Counting(follows=follows, stop_after=FRAMES + 2))
     assert len(contents(tmp_path / "pose")) == FRAMES + 2 + 1  # and detect.json
+    assert look(tmp_path, {}).lacks[0].command == "detect"  # is offered again
     (tmp_path / "pose" / "cam2_json" / "cam2_000000000001.json").write_bytes(b"")  # after a power failure
     again = Counting(follows=follows)
     written = detect(videos, tmp_path / "pose", again)
@@ -96,6 +98,7 @@ def test_what_is_there_after_an_interruption_is_not_detected_again(videos, tmp_p
     assert [(one.frames, one.new) for one in written] == [(FRAMES, 0), (FRAMES, len(rest))]
     detect(videos, tmp_path / "whole", Counting())
     assert contents(tmp_path / "pose") == contents(tmp_path / "whole")
+    assert "detect" not in [lack.command for lack in look(tmp_path, {}).lacks]
     nothing = Counting(follows=follows)
     detect(videos, tmp_path / "pose", nothing)
     assert nothing.seen == []

@@ -6,8 +6,10 @@ import shutil
 
 import pytest
 
+from command_line import succeed
 from skelsplat.io import sample
-from skelsplat.run.found import holds_recording, look, output_of
+from skelsplat.run.contents import kind_of
+from skelsplat.run.found import look, output_of
 
 GIVEN = {"unit": "m", "layout": "body25b", "fps": 60.0}
 
@@ -68,13 +70,13 @@ def test_videos_alone_need_a_detector(tmp_path):
     found = look(tmp_path, {})
     assert found.videos == "videos"
     assert lacks(found) == [("detect", False)]
-    assert holds_recording(tmp_path)
+    assert kind_of(tmp_path) == "recording"
 
 
 def test_an_empty_folder_holds_nothing(tmp_path):
     found = look(tmp_path, {})
     assert found.empty
-    assert not holds_recording(tmp_path)
+    assert kind_of(tmp_path) == ""
     (lack,) = found.lacks
     assert not lack.command
 
@@ -84,3 +86,60 @@ def test_the_folder_of_a_run_is_the_output_again(run_folder):
     assert output_of(run_folder.parent) == "out"
     found = look(run_folder.parent, {"layout": "h36m17"})
     assert found.keypoints == () or "out" not in found.keypoints
+
+
+def test_a_folder_of_several_recordings_is_none_itself(folder, tmp_path):
+    top = tmp_path / "top"
+    for name in ("a", "b"):
+        shutil.copytree(folder / "openpose", top / name / "openpose")
+    assert kind_of(top) == "recordings"
+    assert kind_of(top / "a") == "recording"
+    found = look(top, GIVEN)
+    assert (found.inside, found.empty, found.lacks) == (("a", "b"), True, ())
+    shutil.copytree(folder / "openpose", top / "openpose")  # of a recording whose parts are in folders
+    assert kind_of(top) == "recording"
+
+
+def test_folders_with_videos_each_are_several_recordings(tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "cam1.mp4").write_bytes(b"none")
+    assert kind_of(tmp_path) == "recordings"
+    assert look(tmp_path, {}).inside == ("a", "b")
+
+
+def test_folders_that_are_called_after_videos_are_of_one_recording(tmp_path):
+    for name in ("annotated_videos", "synchronized_videos"):  # FreeMoCap's
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "cam1.mp4").write_bytes(b"none")
+    assert look(tmp_path, {}).videos == "synchronized_videos"
+
+
+def test_a_calibration_of_several_recordings_may_be_above_them(folder, tmp_path):
+    shutil.copytree(folder / "openpose", tmp_path / "top" / "a" / "pose")
+    (tmp_path / "top" / "calibration").mkdir()
+    shutil.copy(folder / "Calib.toml", tmp_path / "top" / "calibration")
+    found = look(tmp_path / "top" / "a", GIVEN, tmp_path / "top")
+    assert (found.calibration, found.ready) == ("../calibration/Calib.toml", True)
+    assert look(tmp_path / "top" / "a", GIVEN).calibration == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "more", "given", "asked"),
+    [
+        ("people", "--people=2 --scenes=2 --frames=4 --openpose", {"layout": "h36m17"}, "layout"),
+        ("dome", "--poses=12", {"layout": "panoptic19", "order": "sorted"}, "order"),
+    ],
+)
+def test_data_sets_of_synth_are_recordings(tmp_path, name, more, given, asked):
+    succeed("synth", name, tmp_path / "set", *more.split())
+    assert kind_of(tmp_path / "set") == "recordings"
+    take = next((tmp_path / "set" / "takes").rglob("truth.npz")).parent
+    found = look(take, {}, tmp_path)
+    assert "truth.npz" not in found.keypoints
+    assert lacks(found)[0] == (asked, False)
+    assert look(take, given, tmp_path).ready
+
+
+def test_cameras_are_called_as_the_calibration_calls_them(folder):
+    assert look(folder, GIVEN).names == ("cam_01", "cam_02", "cam_03", "cam_04")

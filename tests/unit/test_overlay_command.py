@@ -28,6 +28,7 @@ from skelsplat.viz import _style
 
 need_opencv()
 
+from skelsplat.run.files import videos_of_run  # noqa: E402
 from skelsplat.run.overlay import project_covariances  # noqa: E402  after the check
 from skelsplat.viz.overlay import Shown, legend_strip  # noqa: E402
 from skelsplat.viz.overlay._marks import bgr  # noqa: E402
@@ -216,3 +217,13 @@ def test_legend_and_names_tell_who_is_who(tmp_path):
     shown = Shown(rejected_below=0.25, pose=False, ellipses=False, detections=False)
     assert near(legend_strip(400, SIZE, shown, two), "#d55e00") > 10
     assert legend_strip(400, SIZE, shown, none).size == 0
+
+
+def test_a_video_says_of_which_run_it_is(tmp_path):
+    folder = write_run(tmp_path / "out").folder
+    succeed("overlay", folder, "--plain")
+    assert videos_of_run(folder) == dict.fromkeys(NAMES, True)
+    report = json.loads((folder / "report.json").read_text())
+    (folder / "report.json").write_text(json.dumps({**report, "run": "another"}))
+    (folder / "overlay" / "broken.mp4").write_bytes(b"none")
+    assert videos_of_run(folder) == dict.fromkeys(("broken", *NAMES), False)

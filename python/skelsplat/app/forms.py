@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
 from typing import Any
@@ -10,27 +11,24 @@ from typing import Any
 from nicegui import ui
 
 from skelsplat.app.parts import head
-from skelsplat.app.recording import OPTIONS, SHARED
 from skelsplat.cli.rows import Option
+from skelsplat.cli.settings import OPTIONS, SHARED, worded, wrong
 
 _MAIN = {
     "refine": ("people", "person", "unit", "layout", "fps", "adjust_cameras", "write", "angles", "opensim"),
     "calibrate": ("stature",),
 }
+_NOT_MORE = {**_MAIN, "calibrate": (*_MAIN["calibrate"], *SHARED)}
 _FREE = ("layout", "person", "people")  # choices among which another text can be typed
 
 
+@dataclass
 class Form:
     """Settings; ``given`` has by command the texts of those that were set, ``change`` takes what changes."""
 
-    def __init__(
-        self,
-        given: Mapping[str, Mapping[str, Any]],
-        change: Callable[[str, str, Any], object],
-        cameras: Sequence[str] = (),
-    ) -> None:
-        self.given, self.change = given, change
-        self.cameras = list(cameras)
+    given: Mapping[str, Mapping[str, Any]]
+    change: Callable[[str, str, Any], object]
+    cameras: Sequence[str] = ()
 
     def main(self, commands: Sequence[str]) -> None:
         """Show the settings that matter, of some commands."""
@@ -41,20 +39,22 @@ class Form:
                     self.field(command, rows[name])
 
     def more(self, commands: Sequence[str]) -> None:
-        """Show all others, by command and part of its help."""
-        with ui.expansion("More settings").classes("w-full"):
-            for command in commands:
-                known = (*_MAIN.get(command, ()), *(SHARED if command == "calibrate" else ()))
-                left = [row for row in OPTIONS[command] if row.name not in known]
-                for panel, rows in groupby(left, key=lambda row: row.panel):
-                    head(panel if command == "refine" else f"{command.capitalize()}: {panel.lower()}")
-                    with ui.element("div").classes("s-fields"):
-                        for row in rows:
-                            self.field(command, row)
+        """Show all others, by command and part of its help; closed, which of them are set."""
+        every = [(command, row) for command in commands for row in OPTIONS[command]]
+        left = [(command, row) for command, row in every if row.name not in _NOT_MORE.get(command, ())]
+        given = [row.title for command, row in left if row.name in self.given.get(command, {})]
+        said = f" (set: {', '.join(given)})" if given else ""
+        with ui.expansion(f"More settings{said}").classes("w-full"):
+            for (command, panel), rows in groupby(left, key=lambda one: (one[0], one[1].panel)):
+                head(panel if command == "refine" else f"{command.capitalize()}: {panel.lower()}")
+                with ui.element("div").classes("s-fields"):
+                    for _, row in rows:
+                        self.field(command, row)
 
     def field(self, command: str, row: Option) -> None:
         """Show a setting with its sentence."""
-        value, change = self.given.get(command, {}).get(row.name), partial(self._changed, command, row)
+        given, change = self.given.get(command, {}), partial(self._changed, command, row)
+        value = given.get(row.name)
         choices = self.cameras if row.name == "without" else row.choices
         several = row.many or row.name == "write"
         with ui.element("div").classes("s-field").props(f'data-setting="{command}.{row.name}"'):
@@ -63,29 +63,28 @@ class Form:
             elif several and choices:
                 value = value or row.default or []
                 texts = value.split(",") if isinstance(value, str) else value
-                kept = [text for text in texts if text in choices]
-                field = ui.select(choices, value=kept, label=row.title, multiple=True, on_change=change)
+                every = [*dict.fromkeys([*choices, *texts])]
+                field = ui.select(every, value=[*texts], label=row.title, multiple=True, on_change=change)
                 field.props("outlined dense use-chips stack-label")
-            elif choices:
-                shown = {"": row.usual or "not set", **{text: text for text in (*choices, value) if text}}
-                field = ui.select(
-                    shown,
-                    value=value or "",
-                    label=row.title,
-                    on_change=change,
-                    new_value_mode="add-unique" if row.name in _FREE else None,
-                )
+            elif choices and row.name not in _FREE:
+                named = {"": row.usual or "not set", **{text: text for text in (*choices, value) if text}}
+                field = ui.select(named, value=value or "", label=row.title, on_change=change)
                 field.props("outlined dense stack-label options-dense")
             else:
                 text = ", ".join(value or []) if several else value or ""
-                made = ui.input(row.title, value=text, placeholder=row.usual or row.metavar, on_change=change)
-                made.props("outlined dense stack-label debounce=300")
-            ui.label(row.help).classes("s-help")
+                hint, own = row.usual or row.metavar, [*choices]
+                made = ui.input(row.title, value=text, placeholder=hint, on_change=change, autocomplete=own)
+                made.props("outlined dense stack-label hide-bottom-space debounce=300")
+                made.validation = lambda text: wrong(command, row, _value(row, text), given) or None
+                made.validate()
+            ui.label(worded(row.help)).classes("s-help")
 
     def _changed(self, command: str, row: Option, event: Any) -> object:
-        value = event.value
-        if row.name == "write":
-            value = ",".join(value)
-        elif isinstance(value, str):
-            value = [one for part in value.split(",") if (one := part.strip())] if row.many else value.strip()
-        return self.change(command, row.name, value)
+        return self.change(command, row.name, _value(row, event.value))
+
+
+def _value(row: Option, value: Any) -> Any:
+    """Return the text of a setting, or the list of a repeatable one, from what its field has."""
+    if not isinstance(value, str):
+        return ",".join(value) if row.name == "write" else value
+    return [one for part in value.split(",") if (one := part.strip())] if row.many else value.strip()

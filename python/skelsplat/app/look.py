@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
 from typing import Any
 
 from nicegui import ui
 
 from skelsplat.app.forms import Form
 from skelsplat.app.parts import address, button, facts, head, html, note, section, shown, table
-from skelsplat.app.recording import Recording, put
+from skelsplat.app.recording import Recording
 from skelsplat.cli.options import option_of
 from skelsplat.cli.rows import Option
+from skelsplat.cli.settings import put
 from skelsplat.findings import Finding
 from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.run.compared import AnyRun, compared, findings_of, numbers_of
@@ -19,14 +21,16 @@ from skelsplat.run.files import files_of, size_of
 from skelsplat.run.folder import PAGE
 
 _FEW = 4  # findings that are shown at once
+_OUTDATED = "There are videos of an earlier result, which are not shown. Draw them again to see this one."
 _PAUSED = "Where the video is paused, the report shows the same frame."
 
 
+@dataclass(eq=False)
 class ResultParts:
     """What is to be looked at, and to be taken away."""
 
-    def __init__(self, recording: Recording, press: Callable[..., Awaitable[None]]) -> None:
-        self.recording, self.press = recording, press
+    recording: Recording
+    press: Callable[..., Awaitable[None]]
 
     def address(self, name: str, **more: str) -> str:
         """Return the address of a file of the run."""
@@ -66,8 +70,8 @@ class ResultParts:
 
         def ask() -> None:
             with ui.dialog(value=True) as dialog, ui.card().classes("s-ask"):
-                cameras = [one.name for one in recording.found.cameras]
-                Form({}, lambda _, name, text: put(chosen, name, text), cameras).field("refine", row)
+                names = recording.found.names
+                Form({}, lambda _, name, text: put(chosen, name, text), names).field("refine", row)
 
                 async def go() -> None:
                     dialog.close()
@@ -87,7 +91,7 @@ class ResultParts:
 
     def _compare(self, result: AnyRun, before: AnyRun, what: str) -> None:
         """Show a remedy's result and that before it, to be kept or taken back."""
-        head(f"With {what}: before and after")
+        head(f"{what}: before and after")
         table(("", "Before", "After"), compared(before, result))
 
         with ui.element("div").classes("s-row"):
@@ -97,7 +101,7 @@ class ResultParts:
     def _pictures(self, result: AnyRun) -> None:
         """Show the report, and the videos beside it."""
         folder, version = self.recording.output, str(result.report["run"])
-        videos = sorted(one.stem for one in (folder / "overlay").glob("*.mp4"))
+        videos = [name for name, now in self.recording.drawn.items() if now]
         has_page = (folder / PAGE).is_file()
         with ui.element("div").classes("s-look two" if videos and has_page else "s-look"):
             if has_page:
@@ -105,6 +109,8 @@ class ResultParts:
                 html(f"<iframe title='Report with the pose in 3D' src='{source}'></iframe>")
             if videos:
                 self._videos(result, videos)
+        if len(videos) < len(self.recording.drawn):
+            note("note", _OUTDATED)
         with ui.element("div").classes("s-row"):
             for name in (name for name, *_ in files_of(folder) if name.endswith(PAGE)):
                 ui.link(f"Open {name} alone", self.address(name), new_tab=True)
@@ -133,9 +139,10 @@ class ResultParts:
             whole = address("/zip", folder=self.recording.place.relative(folder))
             save = button("Everything in one zip file", lambda: ui.navigate.to(whole), first=True)
             save.classes("self-start")
+            old = {f"overlay/{name}.mp4" for name, now in self.recording.drawn.items() if not now}
             links = (
                 f"<a href='{shown(self.address(name, download='1'))}' download><b>{shown(name)}</b>"
-                f"<span>{shown(about)}</span><span>{size_of(size)}</span></a>"
+                f"<span>{shown(about)}{', outdated' * (name in old)}</span><span>{size_of(size)}</span></a>"
                 for name, about, size in files
             )
             html("".join(links)).classes("s-files")

@@ -12,6 +12,7 @@ async function* filesOf(entry, path) {
   }
 }
 
+let said = "";  // of what was brought last
 async function bring(zone, named) {
   const say = zone.querySelector("[role=status]");
   let count = 0, refused = "";
@@ -23,7 +24,8 @@ async function bring(zone, named) {
     if (answer.ok) count += 1;
     else refused = (await answer.json()).detail;
   }
-  say.textContent = [count ? `${count === 1 ? "1 file is" : `${count} files are`} in the folder.` : "", refused].filter(Boolean).join(" ");
+  said = [count ? `${count === 1 ? "1 file is" : `${count} files are`} in the folder.` : "", refused].filter(Boolean).join(" ");
+  say.textContent = said;
   emitEvent("brought");
 }
 
@@ -44,6 +46,23 @@ for (const kind of ["dragover", "dragleave", "drop"]) {
     bring(zone, (async function* () { for (const entry of entries) yield* filesOf(entry, ""); })());
   });
 }
+
+// What is shown anew keeps what it said, and the keyboard: it goes on at the button of the same name, at Cancel, or at the first field there.
+const PLACES = ".s-do, .s-part, section";
+let last = null;
+document.addEventListener("focusin", ({ target }) => {
+  const place = target.closest(PLACES);
+  last = place && { target, text: target.textContent, place: place.matches("section") ? `[aria-label="${place.ariaLabel}"]` : "." + place.classList[0] };
+});
+document.addEventListener("pointerdown", () => { last = null; });
+new MutationObserver(() => {
+  const status = document.querySelector(".s-drop [role=status]");
+  if (status && said && !status.textContent) status.textContent = said;
+  if (!last || last.target.isConnected || document.activeElement !== document.body) return;
+  const buttons = [...document.querySelectorAll(last.place + " button:not([disabled])")];
+  const next = buttons.find((one) => one.textContent === last.text) || document.querySelector(".s-bar button") || buttons[0] || document.querySelector(last.place + " :is(input, a)");
+  next?.focus({ preventScroll: true });
+}).observe(document, { childList: true, subtree: true });
 
 // The frame of the report beside a video is that of the video.
 function follow(video) {

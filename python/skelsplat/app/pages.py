@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from nicegui import run, ui
 
 from skelsplat.app.forms import Form
 from skelsplat.app.parts import address, attempt, button, html, note, progress, section, shown, table
 from skelsplat.app.places import Place
-from skelsplat.app.recording import put
 from skelsplat.app.recording_page import RecordingPage
 from skelsplat.app.recordings import Recordings
-from skelsplat.cli.process import DONE
+from skelsplat.cli.process import DONE, RUNNING
+from skelsplat.cli.settings import are_wrong, put
 from skelsplat.exceptions import SkelSplatError
 from skelsplat.io._run_files import is_run
-from skelsplat.run.found import holds_recording, output_of
+from skelsplat.run.contents import RECORDING, kinds_of
+from skelsplat.run.found import output_of
 
 _HERE = Path(__file__).parent
-_PATIENCE_S = 120.0  # until a page is there: long recordings are looked at first
 _WHAT = (
     "It has one video per camera, or the keypoints that a detector has found in them, and a calibration if "
     "there is one. An empty folder will do, too: files can be dropped into it."
@@ -30,27 +32,23 @@ _TOGETHER = "All with the same settings, each with its own results. What has not
 
 def add_pages(recordings: Recordings) -> None:
     """Add the page of a folder and that of a recording."""
+    place = recordings.place
 
-    @ui.page("/", response_timeout=_PATIENCE_S)
+    @ui.page("/")
     async def folder_page(at: str = "") -> None:
-        await _show(recordings.place, at, partial(_folder, recordings))
+        await _show(place, at, lambda one: kinds_of(one, place.folders(one)), partial(_folder, recordings))
 
-    @ui.page("/recording", response_timeout=_PATIENCE_S)
+    @ui.page("/recording")
     async def recording_page(at: str = "") -> None:
-        async def show(folder: Path) -> None:
-            recording = await run.io_bound(recordings.at, folder)
-            if recording is not None:  # the server ends
-                RecordingPage(recording).show()
-
-        await _show(recordings.place, at, show)
+        await _show(place, at, recordings.at, lambda _, recording: RecordingPage(recording).show())
 
 
-async def _show(place: Place, at: str, show: Callable[[Path], Awaitable[None]]) -> None:
+async def _show(place: Place, at: str, look: Callable[[Path], Any], show: Callable[..., None]) -> None:
     """Show the page of a folder, or why it is refused."""
     ui.add_css((_HERE / "page.css").read_text(encoding="utf-8"))
     ui.add_body_html(f"<script>{(_HERE / 'page.js').read_text(encoding='utf-8')}</script>")
     ui.colors(primary="#0a6ea8", positive="#1d7a46", negative="#b3261e", warning="#b4540a")
-    main = ui.element("main").classes("s-main")
+    main = ui.element("div").classes("s-main")
     try:
         folder = place.folder(at)
         with ui.element("header").classes("s-top") as header, ui.element("div"):
@@ -62,55 +60,67 @@ async def _show(place: Place, at: str, show: Callable[[Path], Awaitable[None]]) 
         header.move(target_index=0)
         with main:
             html(f"<h1 class='s-title'>{shown(folder.name or folder)}</h1>")
-            await show(folder)
-    except SkelSplatError as error:
+            waiting = ui.label("Looking at the folder …").props("role=status").classes("s-dim")
+            client = ui.context.client
+            await client.connected()  # long recordings take their time
+            found = await run.io_bound(look, folder)
+            if found is not None and client.id in client.instances:  # else the server or the tab has ended
+                waiting.delete()
+                show(folder, found)
+    except (SkelSplatError, OSError) as error:
+        main.clear()
         with main:
             note("error", str(error))
             ui.link("Back to the first folder", "/")
 
 
-async def _folder(recordings: Recordings, folder: Path) -> None:
+def _folder(recordings: Recordings, folder: Path, kinds: Mapping[Path, str]) -> None:
     """Show a folder: those in it, which of them hold recordings, and how to refine these together."""
     place = recordings.place
     folders = place.folders(folder)
-    inside = await run.io_bound(lambda: [*filter(holds_recording, folders)])
+    inside = [one for one in folders if kinds.get(one) == RECORDING]
     with section("Choose the folder of a recording"):
         ui.label(_WHAT).classes("s-dim")
         here = address("/recording", at=place.relative(folder))
-        button("Use this folder", lambda: ui.navigate.to(here), first=True).classes("self-start")
+        button("Use this folder", lambda: ui.navigate.to(here), first=not inside).classes("self-start")
         path = ui.input("Path of the folder", value=str(folder)).props("outlined dense").classes("w-full")
         path.on("keydown.enter", lambda: ui.navigate.to(address("/", at=path.value or "")))
         with ui.element("div").classes("s-folders"):
             for one in folders:
                 with ui.element("div").classes("s-folder"):
-                    page = "/recording" if one in (inside or ()) else "/"
-                    ui.link(one.name, address(page, at=place.relative(one)))
-                    badges = {"recording": page != "/", "has results": is_run(one / output_of(one))}
-                    for badge in (name for name, holds in badges.items() if holds):
+                    ui.link(one.name, address("/recording" if one in inside else "/", at=place.relative(one)))
+                    results = "has results" if is_run(one / output_of(one)) else ""
+                    for badge in filter(None, (kinds.get(one), results)):
                         ui.label(badge).classes("s-badge")
-    if len(inside or ()) > 1:
+    if len(inside) > 1:
         with section("Several recordings at once"):
-            _Together(recordings, folder, inside or []).show()
+            _Together(recordings, folder, inside).show()
 
 
+@dataclass(eq=False)
 class _Together:
     """How several recordings in a folder are refined together."""
 
-    def __init__(self, recordings: Recordings, folder: Path, inside: list[Path]) -> None:
-        self.recordings, self.folder = recordings, folder
-        self.inside, self.problem = inside, ""
+    recordings: Recordings
+    folder: Path
+    inside: Sequence[Path]
+    problem: str = ""
 
     def show(self) -> None:
         """Show which, their settings, and what is being done."""
         ui.label(_TOGETHER).classes("s-dim")
         with ui.element("div").classes("s-row"):
             self.boxes = [ui.checkbox(one.name, value=True) for one in self.inside]
-        given = self.recordings.given.setdefault(self.folder, {})
+        self.given = self.recordings.given.setdefault(self.folder, {})
         with ui.expansion("Settings").classes("w-full"):
-            form = Form({"refine": given}, lambda _, name, value: put(given, name, value))
+            form = Form({"refine": self.given}, self._set)
             form.main(["refine"])
             form.more(["refine"])
         self.action()
+
+    def _set(self, _: str, name: str, value: Any) -> None:
+        put(self.given, name, value)
+        self.action.refresh()
 
     async def _start(self) -> None:
         chosen = [one for one, box in zip(self.inside, self.boxes, strict=True) if box.value]
@@ -130,4 +140,4 @@ class _Together:
                 names = ("recording", "status", "frames", "findings", "error")
                 table([name.capitalize() for name in names], [[row[name] for name in names] for row in rows])
         start = button("Refine the chosen recordings", self._start, first=True).classes("self-start")
-        start.set_enabled(work is None or work.state != "running")
+        start.set_enabled((work is None or work.state != RUNNING) and not are_wrong("refine", self.given))

@@ -10,12 +10,11 @@ from urllib.parse import quote, urlencode
 from nicegui import run, ui
 
 from skelsplat._escape import escaped
-from skelsplat.cli.batch import typed_for_refine
 from skelsplat.cli.process import CANCELLED, FAILED, RUNNING, Work
+from skelsplat.cli.settings import worded
 from skelsplat.exceptions import SkelSplatError
 
 _EVERY_S = 0.25
-_CANCELLED = "Cancelled. Earlier files are as they were. Press again to continue or to start over."
 
 
 def address(page: str, **query: str) -> str:
@@ -51,7 +50,7 @@ def note(kind: str, text: str) -> ui.element:
     word = {"error": "<b>Error.</b> ", "warning": "<b>Warning.</b> "}.get(kind, "")
     role = "alert" if kind == "error" else "note"
     with ui.element("div").classes(f"s-note s-{kind}").props(f"role={role}") as box:
-        html(f"<p>{word}{shown(typed_for_refine(text))}</p>")
+        html(f"<p>{word}{shown(worded(text))}</p>")
     return box
 
 
@@ -105,10 +104,9 @@ async def attempt(action: Callable[..., object], *given: object) -> str:
 
 def progress(work: Work, cancel: Callable[[], None], ended: Callable[[], object]) -> None:
     """Show a bar with the time left and a button that cancels, and call ``ended`` once; or how it ended."""
-    if work.state == FAILED:
-        note("error", work.error)
-    if work.state == CANCELLED:
-        note("note", _CANCELLED)
+    ended_so = {FAILED: ("error", work.error), CANCELLED: ("note", f"Cancelled. {work.left}")}
+    if work.state in ended_so:
+        note(*ended_so[work.state])
     if work.state != RUNNING:
         return
     with ui.element("div").classes("s-bar"):

@@ -3,35 +3,24 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 from skelsplat.app.places import Place
-from skelsplat.cli import calibrate, detect, options, pictures
 from skelsplat.cli.batch import job_of
 from skelsplat.cli.process import DONE, RUNNING, Work
 from skelsplat.cli.rows import NAME_OR_PATH, Option, texts_in, texts_of, typed
+from skelsplat.cli.settings import OPTIONS, SHARED, put, reading_of
 from skelsplat.exceptions import InvalidInputError, SkelSplatError
 from skelsplat.run.compared import AnyRun, open_run
 from skelsplat.run.earlier import options_of
+from skelsplat.run.files import videos_of_run
 from skelsplat.run.found import Found, look, output_of
 
 _CAMERAS, _PAGE_OF_CAMERAS, _KEYPOINTS = "Calib-from-people.toml", "calibration.html", "pose"
-_OF_FILES = {"calibration", "detections", "output", "videos", "run", "report", "force", "overwrite", "plain"}
-OPTIONS: dict[str, tuple[Option, ...]] = {
-    command: tuple(row for row in rows if row.name not in _OF_FILES)
-    for command, rows in {
-        "refine": options.JOB,
-        "calibrate": calibrate.OPTIONS,
-        "detect": detect.OPTIONS,
-        "overlay": pictures.OVERLAY_OPTIONS,
-    }.items()
-}
-"""By command, the options that are settings: all but those that say which files."""
-SHARED = ("layout", "frames", "format", "mapping", "sequence", "fps")
-"""Options of calibrate that are those of refine, and are set once."""
 
 
 @dataclass
@@ -43,10 +32,12 @@ class Recording:
     given: dict[str, dict[str, Any]] = field(default_factory=lambda: {command: {} for command in OPTIONS})
     found: Found = field(default_factory=lambda: Found(Path()))
     result: AnyRun | None = None
+    drawn: dict[str, bool] = field(default_factory=dict)  # as `videos_of_run` has them
     before: tuple[AnyRun, str, dict[str, Any]] | None = None  # until a remedy: result, what, settings
     work: Work | None = None
     done: list[str] = field(default_factory=list)  # commands as they are typed
     version: int = 0  # goes up whenever something else is to be shown
+    looking: Lock = field(default_factory=Lock)  # held while it is first looked at
 
     @property
     def output(self) -> Path:
@@ -63,13 +54,16 @@ class Recording:
         self.result = open_run(self.output)
         if self.result is not None and not self.version and not self.given["refine"]:
             self.given["refine"] = texts_of(OPTIONS["refine"], options_of(self.result.report))
-        self.found = look(self.folder, read_with(self.given))
+        self.drawn = videos_of_run(self.output) if self.result is not None else {}
+        self.found = look(self.folder, reading_of(self.given), self.place.root)
         self.version += 1
         return self
 
     def words(self, command: str) -> list[str]:
         """Return a command as it is typed, without `skelsplat`; paths are relative to the folder."""
         found, given, out = self.found, self.given[command], output_of(self.folder)
+        if command == "detect" and find_spec("mediapipe") is None and find_spec("rtmlib") is not None:
+            given = {"backend": "rtmlib", **given}
         if command == "calibrate":
             given = {**{name: self.given["refine"].get(name) for name in SHARED}, **given}
         for row in OPTIONS[command]:
@@ -87,9 +81,9 @@ class Recording:
         """Return the commands that were done and that which refines, and Python that does; by name."""
         typed_so_far = [f"cd {shlex.quote(str(self.folder))}", *self.done]
         try:
-            words = self.words("refine") if self.found.detections else []
+            words = self.words("refine") if self.found.ready else []
             last = [shlex.join(["skelsplat", *words])] if words else []
-            python = job_of(words[1:]).python if self.found.ready else ""
+            python = job_of(words[1:]).python if words else ""
         except SkelSplatError as error:
             last, python = [f"# {error}"], ""
         found = {"the commands": "\n".join(dict.fromkeys([*typed_so_far, *last])), "the Python lines": python}
@@ -124,7 +118,7 @@ class Recording:
         text = (
             [*settings.get(row.name, []), str(value)] if row.many else value if value is True else str(value)
         )
-        self.before = (self.result, " ".join(typed([row], {row.name: text})), dict(settings))
+        self.before = (self.result, row.title if value is True else f"{row.title} {value}", dict(settings))
         put(settings, row.name, text)
         self.start("refine")
 
@@ -137,19 +131,3 @@ class Recording:
         if self.before is not None:
             self.given["refine"], self.before = self.before[2], None
             self.start("refine")
-
-
-def read_with(given: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """Return how files are read with settings, as `look` takes it; `InvalidInputError` if one is wrong."""
-    texts = given["refine"]
-    job = job_of([".", ".", "-o", ".", *typed(OPTIONS["refine"], texts)])
-    chosen = {name: texts.get(name) for name in ("calibration", "detections")}
-    return {**vars(job), **chosen, "image_size": given.get("calibrate", {}).get("size")}
-
-
-def put(given: dict[str, Any], name: str, value: Any) -> None:
-    """Set the text of a setting; nothing takes it back."""
-    if value in (None, "", False, []):
-        given.pop(name, None)
-    else:
-        given[name] = value

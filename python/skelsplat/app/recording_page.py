@@ -12,8 +12,9 @@ from nicegui import ui
 from skelsplat._optional import pip_line
 from skelsplat.app.forms import Form
 from skelsplat.app.look import ResultParts
-from skelsplat.app.parts import attempt, button, code, facts, html, note, progress, section, table
-from skelsplat.app.recording import OPTIONS, Recording, put
+from skelsplat.app.parts import address, attempt, button, code, facts, html, note, progress, section, table
+from skelsplat.app.recording import Recording
+from skelsplat.cli.settings import OPTIONS, are_wrong, put
 from skelsplat.run.found import Lack
 
 _EVERY_S = 0.3
@@ -23,10 +24,10 @@ _DROP = (
     "<label><input type=file webkitdirectory><span>a folder</span></label>."
     "<div role=status class='s-small'></div></div>"
 )
-# By command: what its button says, the packages of which it needs one, and the extra that has them.
+# By command: what its button says, and the packages of which it needs one, with their extras.
 _REMEDIES = {
-    "detect": ("Find people in the videos", ("mediapipe", "rtmlib"), "mediapipe"),
-    "calibrate": ("Find the cameras from the people", ("cv2",), "video"),
+    "detect": ("Find people in the videos", {"rtmlib": "rtmlib", "mediapipe": "mediapipe"}),
+    "calibrate": ("Find the cameras from the people", {"cv2": "video"}),
 }
 # Settings on which it depends what is found.
 _READ_WITH = {row.name for row in OPTIONS["refine"] if row.panel in ("Calibration", "Input")} | {"fps"}
@@ -47,7 +48,8 @@ class RecordingPage:
         self.bring()
         with ui.element("div").classes("s-part"):
             self.settings()
-            self.action()
+            with ui.element("div").classes("s-do"):
+                self.action()
         self.result.look()
         self.result.take()
         self.words()
@@ -74,9 +76,10 @@ class RecordingPage:
         """Take over a setting from the form."""
         put(self.recording.given[command], name, value)
         self.given = dict(self.recording.given["refine"])
-        if name in _READ_WITH:
+        if name in _READ_WITH and not are_wrong(command, self.recording.given[command]):
             await self.press(self.recording.look)
         else:
+            self.action.refresh()
             self.words.refresh()
 
     async def choose(self, setting: str, value: str) -> None:
@@ -104,13 +107,17 @@ class RecordingPage:
                     chosen.props("outlined dense").classes("w-full")
             for lack in found.lacks:
                 self._lack(lack)
+            if found.inside:
+                with note("lack", f"The recordings are in folders of this one: {', '.join(found.inside)}."):
+                    button("Show them", lambda: ui.navigate.to(address("/", at=folder)), first=True)
             html(_DROP.format(escape(folder, quote=True)))
 
     def _lack(self, lack: Lack) -> None:
-        words, needed, extra = _REMEDIES.get(lack.command, ("", (), ""))
+        words, needed = _REMEDIES.get(lack.command, ("", {}))
         with note("note" if lack.optional else "lack", lack.text), ui.element("div").classes("s-row"):
             if needed and not any(find_spec(name) for name in needed):
-                ui.label(f"This needs another package: {pip_line(extra)}").classes("s-help")
+                lines = " or ".join(map(pip_line, needed.values()))
+                ui.label(f"{words}: first run {lines}. Then start skelsplat app again.")
             elif words:
                 start = button(words, lambda: self.press(self.recording.start, lack.command), first=True)
                 start.set_enabled(not self.recording.running)
@@ -126,7 +133,7 @@ class RecordingPage:
             stages = {"refine": True, "calibrate": found.detections, "detect": found.videos}
             commands = [command for command, needed in stages.items() if needed]
             html("<h2>2 · Pose in 3D</h2>")
-            form = Form(self.recording.given, self.set, [one.name for one in found.cameras])
+            form = Form(self.recording.given, self.set, found.names)
             form.main(commands)
             form.more([*commands, "overlay"])
 
@@ -143,9 +150,11 @@ class RecordingPage:
         with ui.element("div").classes("s-row"):
             again = " again" if recording.result is not None else ""
             start = button(f"Find the pose{again}", lambda: self.press(recording.start, "refine"), first=True)
-            start.set_enabled(found.ready)
-            if not found.ready:
-                ui.label("First, what is missing above.").classes("s-dim s-small")
+            first = "" if found.ready else "First, what is missing above."
+            if are_wrong("refine", recording.given["refine"]):
+                first = "First, the setting that is marked."
+            start.set_enabled(not first)
+            ui.label(first).classes("s-dim s-small")
 
     @ui.refreshable_method
     def words(self) -> None:

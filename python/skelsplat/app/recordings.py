@@ -3,41 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from skelsplat._atomic import atomic_write_text
 from skelsplat.app.places import Place
-from skelsplat.app.recording import Recording, read_with
+from skelsplat.app.recording import Recording
 from skelsplat.cli.batch import sessions_of
 from skelsplat.cli.process import RUNNING, Work
+from skelsplat.cli.settings import reading_of
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.run.found import look, output_of
 
 SESSIONS, RESULTS = "skelsplat-sessions.toml", "batch"
 
 
+@dataclass
 class Recordings:
     """The recordings in a place."""
 
-    def __init__(self, place: Place) -> None:
-        self.place = place
-        self.open: dict[Path, Recording] = {}
-        self.batches: dict[Path, Work] = {}
-        self.given: dict[Path, dict[str, Any]] = {}  # by folder, the settings of refine for all in it
+    place: Place
+    open: dict[Path, Recording] = field(default_factory=dict)
+    batches: dict[Path, Work] = field(default_factory=dict)
+    given: dict[Path, dict[str, Any]] = field(default_factory=dict)  # by folder, settings for all in it
 
     def at(self, folder: Path) -> Recording:
         """Return the recording of a folder, the same for all who ask."""
-        if folder not in self.open:
-            self.open[folder] = Recording(self.place, folder).look()
-        return self.open[folder]
+        recording = self.open.setdefault(folder, Recording(self.place, folder))
+        with recording.looking:
+            return recording if recording.version else recording.look()
 
     def batch(self, folder: Path, chosen: Sequence[Path]) -> None:
         """Refine several recordings in a folder, each into a folder of its own."""
         if folder in self.batches and self.batches[folder].state == RUNNING:
             raise InvalidInputError("batch: expected one at a time, got a second one")
         given = self.given.get(folder, {})
-        found = [look(one, read_with({"refine": given})) for one in chosen]
+        found = [look(one, reading_of({"refine": given}), self.place.root) for one in chosen]
         for one in found:
             if not one.ready:
                 lacks = [lack.text for lack in one.lacks] or ["it holds no recording"]
@@ -58,8 +60,6 @@ class Recordings:
     def cancel(self) -> None:
         """Cancel everything, and wait for its end."""
         works = [*self.batches.values(), *(one.work for one in self.open.values() if one.work is not None)]
-        for one in self.open.values():
-            one.cancel()
-        for work in works:
-            work.cancel()
-            work.wait()
+        for each in (Work.cancel, Work.wait):
+            for work in works:
+                each(work)

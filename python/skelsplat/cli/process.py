@@ -82,6 +82,12 @@ class Work:
         return last.partition(" (see skelsplat ")[0]
 
     @property
+    def left(self) -> str:
+        """What it left behind when it was interrupted, in a sentence."""
+        said = "".join(self.messages[-1:]).partition("interrupted; ")[2]
+        return f"{said[:1].upper()}{said[1:]}." if said else ""
+
+    @property
     def words_of_bar(self) -> str:
         """What it does, how far it is, and the time left."""
         (what, unit), bar = _DOING[self.words[0]], self.bar
@@ -93,7 +99,8 @@ class Work:
 
     def start(self) -> Work:
         """Start the process."""
-        self._child = Child(_PROGRAM, *self.words, "--json", folder=self.folder, hear=self._hear)
+        words = [*self.words, "--json"]
+        self._child = Child(_PROGRAM, *words, folder=self.folder, hear=self._hear, alone=True)
         threading.Thread(target=self._follow, args=(self._child,), daemon=True).start()
         return self
 

@@ -80,6 +80,21 @@ class Option:
             self.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, info]
         )
 
+    def wrong(self, given: str | list[str]) -> str:
+        """Return in a sentence why a text, or a list of a repeatable option, is no value; else nothing."""
+        least, most = self.limits.get("min"), self.limits.get("max")
+        named = {int: "a whole number", float: "a number"}.get(self.kind, "another text")
+        named += "" if least is None else f" from {least}" + (" on" if most is None else f" to {most}")
+        try:
+            value: Any = given if self.many else self.kind(given)
+            self.given(value)
+            fits = (least is None or value >= least) and (most is None or value <= most)
+        except typer.BadParameter as error:
+            return f"{error.message[:1].upper()}{error.message[1:]}."
+        except ValueError:
+            fits = False
+        return "" if fits else f"Expected {named}, got {given!r}."
+
     def given(self, value: Any) -> tuple[str, Any]:
         """Return the keyword of the package, and its value."""
         if self.kind is bool and self.name.startswith("no_"):

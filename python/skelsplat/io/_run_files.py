@@ -101,6 +101,11 @@ def _check(path: Path, run: str | None, report: Path) -> None:
         raise DatasetError(path, RUN, f"{run or 'none'}, as in {report}", actual)
 
 
+def run_in(folder: Path) -> str:
+    """Return what tells the run in a folder apart; nothing of earlier versions."""
+    return _run_of(folder / REPORT) or ""
+
+
 def _run_of(path: Path) -> str | None:
     """Return the run that a file is of; None if it is not marked."""
     if path.suffix == ".npz":

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
@@ -17,7 +17,7 @@ import numpy.typing as npt
 from skelsplat._atomic import atomic_path, atomic_write, opening
 from skelsplat._budget import read_bytes
 from skelsplat._optional import opencv, require
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError, InvalidInputError, MissingPackageError
 from skelsplat.io._files import VIDEO_SUFFIXES, natural
 from skelsplat.io.detections._frames import frame_files
 from skelsplat.io.detections._match import Candidates, cameras_called, match_by_name, match_by_order
@@ -278,8 +278,9 @@ class FrameSink:
 class _Mp4Sink(FrameSink):
     """A video, which counts frames by itself."""
 
-    def __init__(self, path: Path, rate: float, stack: ExitStack) -> None:
+    def __init__(self, path: Path, rate: float, stack: ExitStack, comment: str) -> None:
         super().__init__(path)
+        self._comment = comment
         self._rate, self._stack = Fraction(rate).limit_denominator(_PARTS), stack
         self._av = require("av", "videos", "video")
         self._video: Any = None
@@ -296,6 +297,7 @@ class _Mp4Sink(FrameSink):
     def _open(self, size: Size) -> None:
         temporary = self._stack.enter_context(atomic_path(self.path, ".mp4"))
         self._video = self._stack.enter_context(self._av.open(str(temporary), "w", options=_FIRST))
+        self._video.metadata["comment"] = self._comment
         options = {"preset": _SPEED, "crf": _QUALITY}
         self._stream = self._video.add_stream(_CODEC, rate=self._rate, options=options)
         self._stream.width, self._stream.height = self.size = size
@@ -310,18 +312,27 @@ class _Mp4Sink(FrameSink):
 
 
 @contextmanager
-def open_sink(path: Path, rate: float | None) -> Iterator[FrameSink]:
+def open_sink(path: Path, rate: float | None, comment: str = "") -> Iterator[FrameSink]:
     """Open a video of `rate` frames per second for writing, or without a rate a folder of PNG files.
 
-    The video, MP4 in H.264, appears under its name when the block ends without an exception. All its
-    frames have the size of the first; a width or height that is odd is made even by repeating the last column
-    or row. One without frames is not written. PNG files are named by the frame's number; each is whole or not
-    there, and their folder is made with the first.
+    The video, MP4 in H.264, appears under its name when the block ends without an exception; `comment_of`
+    returns its ``comment``. All its frames have the size of the first; a width or height that is odd is made
+    even by repeating the last column or row. One without frames is not written. PNG files are named by the
+    frame's number; each is whole or not there, and their folder is made with the first.
     """
     if rate is None:
         yield FrameSink(path)
         return
     with ExitStack() as stack:
-        sink = _Mp4Sink(path, rate, stack)
+        sink = _Mp4Sink(path, rate, stack, comment)
         yield sink
         sink.close()
+
+
+def comment_of(path: Path) -> str:
+    """Return the comment in a video; nothing if it has none, or cannot be read."""
+    with suppress(MissingPackageError):
+        av = require("av", "videos", "video")
+        with suppress(av.FFmpegError, OSError), av.open(str(path)) as video:
+            return str(video.metadata.get("comment", ""))
+    return ""

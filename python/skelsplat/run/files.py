@@ -9,6 +9,8 @@ import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from skelsplat.io._run_files import mark, run_in
+from skelsplat.io.video import comment_of
 from skelsplat.run.folder import PAGE
 
 # By the end of their names, in the order in which they are offered.
@@ -21,6 +23,8 @@ _ABOUT = {
     ".mp4": "the pose drawn on a video",
     ".csv": "tables, for spreadsheets, R, MATLAB",
     ".mot": "joint angles, for OpenSim",
+    ".xml": "settings, for OpenSim",
+    ".py": "runs OpenSim with them",
     ".npz": "arrays, for Python",
     ".png": "a picture",
     ".json": "for programs",
@@ -39,6 +43,12 @@ def files_of(folder: Path) -> list[tuple[str, str, int]]:
         about = [*_ABOUT.values(), ""][place]
         found.append((len(above), place, "/".join([*above, name]), about, path.stat().st_size))
     return [entry[2:] for entry in sorted(found)]
+
+
+def videos_of_run(folder: Path) -> dict[str, bool]:
+    """Return by name the videos on which a run in a folder was drawn, and whether it is the one there now."""
+    now = mark(run_in(folder))
+    return {path.stem: comment_of(path) == now for path in sorted((folder / "overlay").glob("*.mp4"))}
 
 
 def size_of(size: int) -> str:

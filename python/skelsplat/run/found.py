@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import os
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,13 +16,14 @@ from skelsplat._words import metric
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
 from skelsplat.findings import collected_warnings
-from skelsplat.io._files import VIDEO_SUFFIXES
 from skelsplat.io._run_files import REPORT, is_run
 from skelsplat.io.calibration import find_format as calibration_format
 from skelsplat.io.calibration import read_calibration
 from skelsplat.io.detections import open_detections, sights
-from skelsplat.io.detections._registry import folders_beneath, recognised
+from skelsplat.io.detections._record import read_record
+from skelsplat.io.detections._registry import recognised
 from skelsplat.io.video import FrameSource, open_source, videos_of
+from skelsplat.run.contents import contents
 from skelsplat.run.read import read_rig
 
 _LOOKED_AT = 200  # files of a folder
@@ -34,11 +36,12 @@ _NO_RATE = (
     "The frame rate is not known. With it, all frames are solved together: joints move smoothly, and "
     "people can be followed. Choose it, or type another below:"
 )
+_NO_NAMES = "The keypoints do not name their cameras."
 _SIZES = ("1920x1080", "1080x1920", "1280x720", "3840x2160")
 _NO_SIZE = (
     "The size of the images is not known, which finding the cameras takes. Choose it, or type another below:"
 )
-_BY_COMMANDS = ("overlay", "plots", "opensim")
+_ABOVE = 3  # folders above a recording in which its calibration may be
 
 
 @dataclass(frozen=True)
@@ -83,6 +86,8 @@ class Found:
     unit: str = ""
     lacks: tuple[Lack, ...] = ()
     fps: str = ""  # as it was given
+    names: tuple[str, ...] = ()  # of the cameras: the calibration's if there is one
+    inside: tuple[str, ...] = ()  # folders with a recording each, if it is a folder of several
 
     @property
     def empty(self) -> bool:
@@ -118,33 +123,31 @@ class Found:
         return {name: "this folder" if text == "." else text or "none" for name, text in named.items()}
 
 
-def holds_recording(folder: Path) -> bool:
-    """Tell by a short look whether a folder holds a recording: keypoints, or videos."""
-    with suppress(SkelSplatError, OSError):
-        return bool(_videos(folder)) or bool(_keypoints(folder))
-    return False
-
-
 def output_of(folder: Path) -> str:
     """Return the folder for the results of a recording: where an earlier run wrote, else ``out``."""
     return "." if is_run(folder) else "out"
 
 
-def look(folder: Path, given: Mapping[str, Any]) -> Found:
+def look(folder: Path, given: Mapping[str, Any], top: Path | None = None) -> Found:
     """Return what a folder holds.
 
     ``given`` has fields of `skelsplat.run.Job` by which files are read. Its ``calibration`` and
     ``detections`` choose among several, by their paths from the folder; ``image_size`` is that of all images
-    where files do not state it.
+    where files do not state it. A calibration may also be in folders above, up to ``top``.
     """
     with collected_warnings():
-        return _look(folder, given)
+        return _look(folder, given, top or folder)
 
 
-def _look(folder: Path, given: Mapping[str, Any]) -> Found:
-    keypoints, videos = _keypoints(folder), _videos(folder)
+def _look(folder: Path, given: Mapping[str, Any], top: Path) -> Found:
+    keypoints, videos, inside = contents(folder)
+    if inside:
+        return Found(folder, inside=inside)
     beside = [folder, *(folder / name for name in keypoints), *((folder / name).parent for name in keypoints)]
-    calibrations, broken = _calibrations(folder, dict.fromkeys([*beside, *_named_calib(folder)]))
+    calibrations, broken = _calibrations(folder, [*beside, *_of_cameras(folder)])
+    for above in [one for one in folder.parents if one.is_relative_to(top)][:_ABOVE]:
+        if not calibrations and not broken:
+            calibrations, broken = _calibrations(folder, [above, *_of_cameras(above)])
     calibration = _chosen(calibrations, given.get("calibration"))
     detections = _chosen(keypoints, given.get("detections"))
     rig, lack = _rig(folder, calibration, given)
@@ -158,6 +161,8 @@ def _look(folder: Path, given: Mapping[str, Any]) -> Found:
         lacks = [Lack(_NO_SIZE, setting="image_size", values={size: size for size in _SIZES})]
     else:
         lacks = []
+    if videos and detections:
+        lacks += _unfinished(folder / detections, cameras)
     lacks += [*broken, *lack, *more, *_missing(calibration, detections, videos, bool(broken))]
     if not given.get("fps") and detections and not any(one.fps for one in cameras):
         lacks.append(
@@ -177,6 +182,7 @@ def _look(folder: Path, given: Mapping[str, Any]) -> Found:
         "" if rig is None else rig.unit,
         tuple(lacks),
         f"{given['fps']:g}" if given.get("fps") else "",
+        tuple(one.name for one in cameras) if rig is None else tuple(rig.names),
     )
 
 
@@ -197,47 +203,49 @@ def _missing(calibration: str, detections: str, videos: str, broken: bool) -> It
         )
 
 
+def _unfinished(detections: Path, cameras: Iterable[Camera]) -> Iterator[Lack]:
+    """Yield that detections end earlier in some cameras than in others, if `skelsplat detect` was stopped."""
+    with suppress(DatasetError):
+        record = read_record(detections)
+        videos = {} if record is None else record.videos
+        frames = {one.name: one.frames or 0 for one in cameras}
+        most = max(frames.values(), default=0)
+        part = {
+            name: frames.get(name, 0)
+            for name, video in videos.items()
+            if video.count is None and frames.get(name, 0) < most
+        }
+        if part:
+            found = ", ".join(f"{name} {count or 'none'}" for name, count in part.items())
+            yield Lack(
+                f"People were found in a part of the frames only ({found} of {most}).",
+                "detect",
+                optional=True,
+            )
+
+
 def _chosen(names: tuple[str, ...], wanted: str | None) -> str:
     return wanted if wanted in names else next(iter(names), "")
 
 
-def _keypoints(folder: Path) -> tuple[str, ...]:
-    """Return the folders and files of detections."""
-    if not is_run(folder):
-        with suppress(DatasetError):  # it cannot be read
-            found = recognised(folder)
-            if found and not any(
-                path.parent == folder and calibration_format(path) for path in found.values()
-            ):
-                return (".",)
-    inside = (name.rstrip("/") for name in folders_beneath(folder))
-    return tuple(name for name in inside if not any(part in _BY_COMMANDS for part in name.split("/")))
+def _of_cameras(folder: Path) -> list[Path]:
+    """Return the folders in one that are called after calibrations or cameras, as Pose2Sim and synth do."""
+    named = (
+        one for one in folder.iterdir() if any(word in one.name.lower() for word in ("calib", "cameras"))
+    )
+    return [one for one in named if one.is_dir()]
 
 
-def _videos(folder: Path) -> str:
-    """Return the folder of the videos, if there is one."""
-    for place in (folder, *sorted(one for one in folder.iterdir() if one.is_dir())):
-        if place.name in _BY_COMMANDS or place.name.startswith(".") or (place != folder and is_run(place)):
-            continue
-        if any(one.suffix.lower() in VIDEO_SUFFIXES for one in place.iterdir()):
-            return place.relative_to(folder).as_posix()
-    return ""
-
-
-def _named_calib(folder: Path) -> list[Path]:
-    return [one for one in folder.iterdir() if one.is_dir() and "calib" in one.name.lower()]
-
-
-def _calibrations(folder: Path, places: Mapping[Path, None]) -> tuple[tuple[str, ...], list[Lack]]:
+def _calibrations(folder: Path, places: Iterable[Path]) -> tuple[tuple[str, ...], list[Lack]]:
     """Return the calibrations in some folders, and what is wrong with files that look like one."""
     found: list[str] = []
     lacks: list[Lack] = []
-    for place in (one for one in places if one.is_dir() and not is_run(one)):
+    for place in (one for one in dict.fromkeys(places) if one.is_dir() and not is_run(one)):
         files = [
             one for one in sorted(place.iterdir()) if one.suffix.lower() in _CALIBRATIONS and one.is_file()
         ]
         for path in files[:_LOOKED_AT]:
-            name = path.relative_to(folder).as_posix()
+            name = Path(os.path.relpath(path, folder)).as_posix()
             try:
                 if path.name != REPORT and not recognised(path) and calibration_format(path):
                     found.append(name)
@@ -298,6 +306,9 @@ def _sight(
             words = f"The keypoints have {joints} joints per person, and do not say which. Choose the layout:"
             if fitting:
                 return cameras, "", [Lack(words, setting="layout", values={name: name for name in fitting})]
+        if isinstance(error, DatasetError) and error.field == "cameras" and not given.get("order"):
+            values = {"sorted": "Take them in the order of the calibration"}
+            return cameras, "", [Lack(_NO_NAMES, setting="order", values=values)]
         return cameras, "", [Lack(_line(error, folder))]
     return cameras, opened.skeleton.name, []
 

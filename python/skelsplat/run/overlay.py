@@ -18,7 +18,7 @@ from skelsplat._arrays import Array, Index, median
 from skelsplat._optional import opencv
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Remedy, Subject, warn
-from skelsplat.io._run_files import REPORT, check_people, folders_of_run
+from skelsplat.io._run_files import REPORT, check_people, folders_of_run, mark, run_in
 from skelsplat.io.detections import cameras_called
 from skelsplat.io.run_folder import RunFolder, read_run
 from skelsplat.io.video import FrameSource, Image, PlainFrames, Size, find_videos, open_sink, open_source
@@ -318,7 +318,7 @@ def _write(job: OverlayJob, views: list[View], target: Path, progress: Progress 
     people = list(views[0].scene.colours.items())
     legend = viz.legend_strip(tiles.size[0], tiles.cell, job.shown, people) if job.legend else None
     rate, total = None if job.png else _rate(job, views), max(view.expected for view in views)
-    with open_sink(target, rate) as sink:
+    with open_sink(target, rate, mark(run_in(job.run))) as sink:
         for number, images in _together(views):
             each = [images[k] if k in images else view.blank(number) for k, view in enumerate(views)]
             whole = tiles.join(each)

@@ -26,8 +26,12 @@ class Child:
         given: bytes = b"",
         folder: Path | None = None,
         hear: Callable[[str], object] = lambda _: None,
+        alone: bool = False,
     ) -> None:
-        """Start ``program`` with ``words`` in ``sys.argv``; `hear` is called with each line on stderr."""
+        """Start ``program`` with ``words`` in ``sys.argv``; `hear` is called with each line on stderr.
+
+        One that is ``alone`` is not reached by Ctrl-C here, and `interrupt` also reaches what it has started.
+        """
         paths = os.pathsep.join(path for path in sys.path if path)
         self._process = subprocess.Popen(
             [sys.executable, "-c", _BEGIN + program, *words],
@@ -36,8 +40,9 @@ class Child:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
+            start_new_session=alone,
         )
-        self._given, self._hear = given, hear
+        self._given, self._hear, self._alone = given, hear, alone and os.name == "posix"
 
     def outcome(self) -> tuple[int, str]:
         """Wait for its end, once; return its exit status, below zero of a signal, and what it printed."""
@@ -61,13 +66,17 @@ class Child:
         """Interrupt it as Ctrl-C does, so that its files are whole; kill it if it goes on."""
         if self._process.poll() is not None:
             return
+        self._send(signal.SIGINT if os.name == "posix" else signal.SIGTERM)
         if os.name == "posix":
-            self._process.send_signal(signal.SIGINT)
-        else:
-            self._process.terminate()
-        late = threading.Timer(_PATIENCE_S, self._process.kill)
-        late.daemon = True
-        late.start()
+            late = threading.Timer(_PATIENCE_S, lambda: self._send(signal.SIGKILL))
+            late.daemon = True
+            late.start()
+
+    def _send(self, sign: signal.Signals) -> None:
+        if not self._alone:
+            self._process.send_signal(sign)
+        elif self._process.poll() is None:
+            os.killpg(self._process.pid, sign)
 
     def wait(self) -> None:
         """Wait for its end."""

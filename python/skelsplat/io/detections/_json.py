@@ -180,7 +180,7 @@ _IMAGE = r'\[.*?"image_id"\s*:\s*'
 _ADDED = r"[-_ ]*alphapose[-_ ]results"
 _JSON = (".json",)
 FORMATS = (
-    DetectionFormat("openpose", _JSON, _begins(r'{.*"people"'), folder=read_openpose),
+    DetectionFormat("openpose", _JSON, _begins(r'{.*"people"\s*:\s*[^\s\d]'), folder=read_openpose),
     DetectionFormat("mmpose", _JSON, _IS_MMPOSE, each(read_mmpose)),
     DetectionFormat("alphapose", _JSON, _begins(_IMAGE + '"'), each(read_alphapose), added=_ADDED),
     DetectionFormat("coco", _JSON, _begins(_IMAGE + r"\d"), each(read_coco)),

@@ -108,15 +108,22 @@ def _told(path: Path) -> str:
     return seems(path) or "none that is recognised"
 
 
-def folders_beneath(top: Path) -> list[str]:
-    """Return the folders with detections, of the highest level beneath `top` that has any."""
+def _itself(folder: Path) -> list[str]:
+    return [""] if not is_run(folder) and recognised(folder) else []
+
+
+def folders_beneath(top: Path, there: Callable[[Path], list[str]] = _itself) -> list[str]:
+    """Return the folders with detections, of the highest level beneath `top` that has any.
+
+    ``there`` returns what of a folder has some, ``""`` for itself.
+    """
     for level in _LEVELS:
         inside = (one.relative_to(top).as_posix() for one in top.glob(level) if one.is_dir())
         names = sorted(islice((name for name in inside if "/." not in f"/{name}"), _FOLDERS))
         found = []
         for name in names:
             with suppress(DatasetError):  # it cannot be read
-                found += [f"{name}/"] if not is_run(top / name) and recognised(top / name) else []
+                found += [f"{name}/{one}" for one in there(top / name)]
         if found:
             return found
     return []
