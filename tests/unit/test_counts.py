@@ -13,14 +13,14 @@ from planted import FAULTS
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 39_676,
-    "cli": 3_778,
-    "core": 19_437,
-    "binding": 2_750,
+    "package": 39_766,
+    "cli": 3_775,
+    "core": 19_691,
+    "binding": 2_759,
     "Rust tests": 5_996,
-    "Python tests": 27_940,
-    "benchmarks and tools": 4_497,
-    "docs, words": 41_872,
+    "Python tests": 27_973,
+    "benchmarks and tools": 4_510,
+    "docs, words": 41_986,
     "README, words": 1_462,
 }
 
