@@ -319,3 +319,18 @@ def test_a_bar_is_as_long_as_the_person_is_there(visit):
     assert page.evaluate("charts.lines.layout.yaxis3.ticktext") == ["person 0", "person 1", "person 2"]
     page.evaluate("charts.lines.emit('plotly_click', { points: [{ x: 117 }] })")
     wait(page, "document.getElementById('frame').value === '117'")
+
+
+def test_within_a_page_it_scrolls_itself_alone(browser, tmp_path):
+    report.write_report(tmp_path / "report.html", report_data())
+    around = "<p style='height: 3000px'></p><iframe src='report.html' height=400 width=700></iframe>"
+    (tmp_path / "around.html").write_text(around, encoding="utf-8")
+    page = browser.new_page()
+    page.goto((tmp_path / "around.html").as_uri())
+    inner = page.frames[1]
+    inner.wait_for_function(READY, timeout=PATIENCE_MS)
+    assert inner.evaluate("scrollY") > 0
+    inner.evaluate("location.hash = '#frame=110'")
+    inner.wait_for_function("document.getElementById('frame').value === '110'")
+    assert page.evaluate("scrollY") == 0
+    page.close()

@@ -80,7 +80,7 @@ function followAddress() {
   const found = /^#frame=(-?\d+)$/.exec(location.hash);
   if (!found) return;
   goTo(placeOf(Number(found[1])));
-  get("player").scrollIntoView({ block: "start" });
+  scrollBy(0, get("player").getBoundingClientRect().top); // not a page around it, as scrollIntoView does
 }
 
 function nextProblem(direction) {
@@ -177,7 +177,7 @@ async function open() {
   drawMarks();
   tellFrame(0);
   followAddress();
-  if (window !== window.top) document.getElementById("play").scrollIntoView({ block: "end" }); // beside its findings
+  if (window !== window.top) scrollBy(0, get("play").getBoundingClientRect().bottom - innerHeight); // beside its findings
   document.documentElement.dataset.ready = "yes";
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", recolour);
 }
