@@ -30,8 +30,9 @@ class CameraAdjustment:
     ``status`` is ``"sound"`` (it stays as it is), ``"adjusted"``, ``"late"`` (its clock is off, and it stays;
     if it was turned or moved as well, it is adjusted, and ``clock`` says so), ``"doubtful"`` (it or another
     doubtful camera is wrong, or other clocks explain as much, and all stay) or ``"unseen"`` (it sees too
-    little, or is one of two cameras). In runs also ``"knocked"``: it was moved in the frame ``since``, and
-    stays.
+    little, or is one of two cameras), or ``"unsteady"`` (its clock changes by ``clock`` in the frame
+    ``since``: frames were skipped, or its rate is another; it stays). In runs also ``"knocked"``: it was
+    moved in the frame ``since``, and stays.
 
     Attributes
     ----------
@@ -154,8 +155,8 @@ def adjust_cameras(
     numbers_of = zip(out["zoom"], out["clock"], *sigmas, out["before"], out["after"], strict=True)
     places = zip(rig.names, out["status"], out["turn"] * degrees, out["shift"], strict=True)
     report = [
-        CameraAdjustment(*place, *map(float, values))
-        for place, values in zip(places, numbers_of, strict=True)
+        CameraAdjustment(*place, *map(float, values), since=since)
+        for place, values, since in zip(places, numbers_of, out["since"], strict=True)
     ]
     fitted, judged = out["frames"]
     return RigAdjustment(replace(rig, cameras=adjusted, clocks={}), tuple(report), fitted, judged)

@@ -106,6 +106,22 @@ def test_a_camera_that_was_knocked_is_said_with_the_frame(name, degrees, step):
     ]
 
 
+@pytest.mark.parametrize("skipped", [5, 0])
+def test_a_clock_that_changes_is_said_with_the_frame(skipped):
+    rig, motion = synthetic.human36m_like(), synthetic.motion("walk", 2 * T + skipped, fps=30.0, seed=1)
+    noise = synthetic.DetectionNoise.recording(30.0)
+    seen = synthetic.simulate_detections(motion, rig, noise=noise, seed=1)
+    late = seen[: 2 * T].copy()
+    late[T:, 1] = seen[T + skipped :, 1]
+    found = Scene(rig, late[:, :, None], 500 + 2 * np.arange(2 * T), LAYOUT, ReadAs()).adjust()
+    assert found.cameras == rig
+    named = [one for one in findings_of(found, 1.0, ReadAs()) if one.severity == "warning"]
+    assert [(one.kind, one.subject.cameras) for one in named] == [("clock_changes", ("cam2",))][: skipped > 0]
+    for one in named:
+        assert one.numbers["clock_frames"] == -2 * skipped
+        assert one.subject.frames[0] == pytest.approx(500 + 2 * T, abs=20)
+
+
 # names, units and statuses; the core's tests have the faults
 
 

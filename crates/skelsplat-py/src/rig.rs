@@ -47,6 +47,7 @@ pub(crate) fn adjust_cameras<'py>(
     let out = PyDict::new(py);
     let status: Vec<_> = done.report.iter().map(|camera| camera.status.name()).collect();
     out.set_item("status", status)?;
+    out.set_item("since", done.report.iter().map(|camera| camera.since).collect::<Vec<_>>())?;
     out.set_item("turn", vectors(|camera| camera.change.turn))?;
     out.set_item("shift", vectors(|camera| camera.change.shift))?;
     out.set_item("zoom", each(|camera| camera.change.zoom))?;

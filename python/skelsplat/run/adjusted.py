@@ -37,10 +37,7 @@ def findings_of(
             remedy = () if corrected else read_as.offset_remedy(one.name, offset_of(one, read_as))
             yield late(numbers, remedy)
         if one.since is not None:
-            sentence = f"{one.name} was moved while it recorded, about {place(one.since)}, and not adjusted: "
-            sentence += "the frames before and after need a calibration each."
-            subject = Subject((one.name,), frames=(one.since,))
-            yield Finding("cameras_not_adjusted", "warning", subject, numbers, sentence=sentence)
+            yield _changing(one.name, numbers, one.since, place(one.since), clock=one.status == "unsteady")
         if one.status == "unseen" and len(found.report) > 2:
             sentence = f"{one.name} was not judged and not adjusted: it sees too few of the joints that "
             sentence += "others see."
@@ -57,7 +54,7 @@ def findings_of(
         subject, remedy = Subject(found.cameras.names), (Remedy("move", "NAME"),)
         yield Finding("cameras_not_adjusted", "warning", subject, remedy=remedy, sentence=sentence)
     sound = len(found.of("sound"))
-    if sound and not found.of("adjusted", "late", "doubtful", "knocked"):
+    if sound and not found.of("adjusted", "late", "doubtful", "knocked", "unsteady"):
         sentence = f"No camera was adjusted: the {sound} cameras that could be judged agree."
         yield Finding("cameras_not_adjusted", "note", numbers={"cameras": sound}, sentence=sentence)
 
@@ -67,6 +64,18 @@ def offset_of(camera: sk.CameraAdjustment | sk.CalibratedCamera, read_as: ReadAs
     whole, rest = parted(camera.clock)
     shown = np.isfinite(camera.clock_sigma) and abs(rest) > _SHOWN * camera.clock_sigma
     return rounded(read_as.offsets.get(camera.name, 0) - (camera.clock if shown else whole))
+
+
+def _changing(name: str, numbers: dict[str, Any], since: int, place: str, *, clock: bool) -> Finding:
+    """Return the finding on a camera whose clock or place is another from a frame on."""
+    subject = Subject((name,), frames=(since,))
+    if clock:
+        sentence = f"{name}'s frame numbers change by {abs(numbers['clock_frames']):.0f} about {place}: were "
+        sentence += "frames skipped, or is its frame rate another? Nothing was corrected."
+        return Finding("clock_changes", "warning", subject, numbers, sentence=sentence)
+    sentence = f"{name} was moved while it recorded, about {place}, and not adjusted: "
+    sentence += "the frames before and after need a calibration each."
+    return Finding("cameras_not_adjusted", "warning", subject, numbers, sentence=sentence)
 
 
 def _adjusted(numbers: dict[str, Any]) -> Finding:

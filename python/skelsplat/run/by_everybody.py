@@ -11,7 +11,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, medians
 from skelsplat._clocks import shifted
-from skelsplat._who import one_after_another
+from skelsplat._who import GAP, one_after_another
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.findings import Finding
 from skelsplat.rig_check import ReadAs, RigReport, check_rig
@@ -52,9 +52,14 @@ class Scene:
         found, everyone = _by_everybody(self.rig, people, self.layout, given)
         if len(self.rig) > 2 and not given.get("free"):
             found = _knocked(self.rig, found, everyone, frames, given)
-        report = (
+        period = len(frames) + GAP  # of the people one after another
+        report = [
             replace(one, clock=one.clock * step, clock_sigma=one.clock_sigma * step) for one in found.report
-        )
+        ]
+        for i, one in enumerate(report):
+            if one.status == "unsteady" and one.since is not None:
+                since = min(one.since % period, len(frames) - 1)
+                report[i] = replace(one, since=int(frames[since]))
         return replace(found, report=tuple(report))
 
 

@@ -75,7 +75,8 @@ def check_cameras(
                 return scene, scene.check()
 
             scene, report = look(given.get("offsets") or {})
-            rig, frames, late = scene.rig, len(scene.frames), _unsynchronised(scene, report)
+            rig, frames = scene.rig, len(scene.frames)
+            report, late = _unsynchronised(scene, report)
             if late:
                 offsets = {**scene.read_as.offsets, **{name: _option(one) for name, one in late.items()}}
                 if given.get("frames") in (None, "strict"):
@@ -88,18 +89,26 @@ def check_cameras(
     return CameraCheck(rig, frames, replace(report, findings=(*kept, *report.findings)))
 
 
-def _unsynchronised(scene: Scene, report: RigReport) -> dict[str, Finding]:
-    """Find the cameras whose clocks show, or are measured better, once cameras and clocks are set right."""
-    clocks = [finding for finding in report.findings if finding.kind == "frame_offset"]
+def _unsynchronised(scene: Scene, report: RigReport) -> tuple[RigReport, dict[str, Finding]]:
+    """Find the cameras whose clocks show, or are measured better, once cameras and clocks are set right.
+
+    And a clock that changes, which no offset sets right: it is in the report, in place of one.
+    """
     if len(scene.rig) < 3 or report.before_places:
-        return {}
-    findings = findings_of(scene.adjust(), scene.rig.mm_per_unit, scene.read_as)
+        return report, {}
+    findings = list(findings_of(scene.adjust(), scene.rig.mm_per_unit, scene.read_as))
+    changing = [one for one in findings if one.kind == "clock_changes"]
     late = {one.subject.cameras[0]: one for one in findings if one.kind == "frame_offset"}
+    if changing:
+        unsteady = {one.subject.cameras for one in changing}
+        kept = [one for one in report.findings if one.subject.cameras not in unsteady]
+        return replace(report, findings=(*changing, *kept)), late
+    clocks = [finding for finding in report.findings if finding.kind == "frame_offset"]
     if len(clocks) == 1:  # it is right unless its camera is measured otherwise
         measured = [one.remedy[0] for one in late.values()]
         if tuple(late) != clocks[0].subject.cameras or clocks[0].remedy[0] in measured:
-            return {}
-    return late
+            return report, {}
+    return report, late
 
 
 def _option(late: Finding) -> float:
@@ -117,7 +126,8 @@ def _synchronised(report: RigReport, late: Mapping[str, Finding], right: RigRepo
             frames, option = round(one.numbers["clock_frames"]), rounded(_option(one))
             row = replace(row, best_offset=frames, best_offset_px=after[row.name], offset_option=option)
         rows.append(row)
-    return RigReport((*late.values(), *right.findings), tuple(rows))
+    changing = [one for one in report.findings if one.kind == "clock_changes"]
+    return RigReport((*late.values(), *changing, *right.findings), tuple(rows))
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ use super::reduced::Reduced;
 use super::report::{CameraAdjustment, CameraStatus, RigAdjustment};
 use super::scene::{JointMotion, Scene};
 use super::search::{CONFIRMED_WALD, Explanation, Fault, Scope, SearchResult, Supposed, both};
+use super::unsteady::ClockChange;
 use crate::batch::Progress;
 use crate::camera::{Camera, Distortion};
 use crate::detections::Detections;
@@ -82,8 +83,9 @@ pub fn adjust_cameras(
         let looked: Vec<usize> = fitted.iter().chain(&judged).copied().collect();
         let motion = JointMotion::of(plain, &looked, &given);
         let task = Task { scene: plain.moving(&motion), given: &given, what, fitted, judged };
-        let (found, bars) = task.solve(progress)?;
-        task.report(&found, &bars, cameras, unit)
+        let (mut found, bars) = task.solve(progress)?;
+        let unsteady = task.unsteady(&mut found);
+        task.report(&found, &bars, unsteady, cameras, unit)
     })
 }
 
@@ -167,6 +169,16 @@ impl Task<'_> {
             self.doubt(&mut found, &unsure, &bars);
         }
         Ok((found, bars))
+    }
+
+    /// The camera whose clock changes while it records: it stays as given.
+    fn unsteady(&self, found: &mut SearchResult) -> Option<ClockChange> {
+        let some = spread(&self.fitted, JUDGED);
+        let change = self.scope(&some).clock_change(&found.rig.cameras)?;
+        found.rig.cameras[change.view] = self.given[change.view].clone();
+        found.rig.freedom[change.view] = Freedom::default();
+        found.rivals.retain(|rival| rival.view != change.view);
+        Some(change)
     }
 
     /// Whether every change is confirmed on all frames, and its camera fits frames that were left
@@ -308,6 +320,7 @@ impl Task<'_> {
         &self,
         found: &SearchResult,
         bars: &[Bars],
+        unsteady: Option<ClockChange>,
         cameras: &[Camera],
         unit: Unit,
     ) -> Result<RigAdjustment> {
@@ -315,11 +328,16 @@ impl Task<'_> {
         let after = self.left_out(&found.rig.cameras);
         let mm = unit.millimetres();
         let of_camera = |i: usize| {
-            let (change, bars, status) = self.verdict(found, bars, i);
+            let (mut change, bars, mut status) = self.verdict(found, bars, i);
+            let unsteady = unsteady.filter(|change| change.view == i);
+            if let Some(ClockChange { by, .. }) = unsteady {
+                (change.clock, status) = (by, CameraStatus::Unsteady);
+            }
             CameraAdjustment {
                 status,
                 change: Change { shift: change.shift / mm, ..change },
                 bars: Bars { shift: bars.shift / mm, place: bars.place / (mm * mm), ..bars },
+                since: unsteady.map(|change| change.since),
                 before: before[i],
                 after: after[i],
             }

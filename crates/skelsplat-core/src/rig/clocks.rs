@@ -18,7 +18,7 @@ const MOST_OFFSET: isize = 30;
 /// They differ by at most this part of the recording.
 const PART: usize = 3;
 /// Odds of strong evidence (Jeffreys, Theory of Probability, appendix B).
-const STRONG: f64 = 10.0;
+pub(super) const STRONG: f64 = 10.0;
 /// The least recording that tells clocks, frames.
 const LEAST_FRAMES: usize = 12;
 /// Frames by which a clock's error bar tells lags apart.
@@ -50,6 +50,19 @@ impl Lags {
         let tied = self.odds().filter(|(_, odds)| *odds >= 1.0).map(|(clock, _)| clock);
         let nearest = tied.min_by(|a, b| off(a).total_cmp(&off(b)));
         nearest.filter(|clock| (clock - now).abs() > NEXT).unwrap_or(now)
+    }
+
+    /// How many there are.
+    pub(super) fn count(&self) -> usize {
+        self.all.len()
+    }
+
+    /// The logarithm of the odds against one clock for these detections and others; `None` where
+    /// they have none in common.
+    pub(super) fn one_for_both(&self, others: &Self) -> Option<f64> {
+        let other = |clock: f64| others.all.iter().find(|(other, _)| *other == clock);
+        let both = |(clock, odds): &(f64, f64)| Some(odds + other(*clock)?.1);
+        self.all.iter().filter_map(both).min_by(f64::total_cmp)
     }
 
     /// How far the camera's clock may be from `clock`: the root mean square by the odds. The next
@@ -151,9 +164,7 @@ impl Scope<'_> {
         let known = |errors: &Errors| errors.iter().flatten().count();
         let enough = LEAST.max(all.iter().map(|(_, errors)| known(errors)).max().unwrap_or(0) / 2);
         all.retain(|(_, errors)| known(errors) >= enough);
-        let size = |errors: &Errors| median(errors.iter().flatten().map(Vector2::norm));
-        let least = all.iter().map(|(_, errors)| size(errors)).fold(f64::INFINITY, f64::min);
-        let kernel = 2.0 * PER_NOISE * (least / RAYLEIGH).max(f64::MIN_POSITIVE);
+        let kernel = kernel(all.iter().map(|(_, errors)| errors));
         let cost = |e: &Vector2<f64>| 1.0 - (-(e / kernel).norm_squared()).exp();
         let mean =
             |errors: &Errors| errors.iter().flatten().map(cost).sum::<f64>() / known(errors) as f64;
@@ -179,6 +190,28 @@ impl Scope<'_> {
         };
         let all = all.iter().map(|(clock, errors)| (*clock, against(errors))).collect();
         Lags { best, all }
+    }
+
+    /// The frame up to which the first of two clocks of a view explains its detections better.
+    pub(super) fn crossing(&self, rig: &[Placed], view: usize, clocks: [f64; 2]) -> usize {
+        let others: Vec<bool> = (0..rig.len()).map(|i| i != view).collect();
+        let points = self.scene.points(self.frames, rig, &others);
+        let errors = clocks.map(|clock| self.passing(rig, view, clock, &points, true));
+        let kernel = kernel(&errors);
+        let cost = |e: &Vector2<f64>| 1.0 - (-(e / kernel).norm_squared()).exp();
+        let n = self.scene.n_joints();
+        let (mut sum, mut least, mut best) = (0.0, f64::INFINITY, 0);
+        for (k, t) in self.frames.iter().enumerate() {
+            if sum < least {
+                (least, best) = (sum, *t);
+            }
+            for pair in errors[0][n * k..].iter().zip(&errors[1][n * k..]).take(n) {
+                if let (Some(first), Some(second)) = pair {
+                    sum += cost(first) - cost(second);
+                }
+            }
+        }
+        best
     }
 
     /// Errors of the detections of a view with another clock, mm, less those that last, which
@@ -239,4 +272,11 @@ impl Scope<'_> {
             bundle.costs(sigma)
         })
     }
+}
+
+/// Width of the kernel of errors with several clocks: that of the least.
+fn kernel<'a>(all: impl IntoIterator<Item = &'a Errors>) -> f64 {
+    let size = |errors: &Errors| median(errors.iter().flatten().map(Vector2::norm));
+    let least = all.into_iter().map(size).fold(f64::INFINITY, f64::min);
+    2.0 * PER_NOISE * (least / RAYLEIGH).max(f64::MIN_POSITIVE)
 }

@@ -18,6 +18,7 @@ pub mod reduced;
 pub mod report;
 pub mod scene;
 pub mod search;
+pub mod unsteady;
 
 pub use adjust::{Adjustable, adjust_cameras};
 pub use calibrate::{CalibratedCamera, Filmed, RigCalibration, Unknown, calibrate_cameras};

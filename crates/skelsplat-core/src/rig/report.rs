@@ -14,6 +14,8 @@ pub enum CameraStatus {
     Adjusted,
     /// Its clock is off, and nothing else: the camera stays as it is.
     Late,
+    /// Its clock changes while it records: it stays.
+    Unsteady,
     /// It or another is wrong, which cannot be told.
     Doubtful,
     /// It sees too little to say, or is one of two cameras only, of which nothing tells which is
@@ -25,6 +27,7 @@ named!(CameraStatus {
     Sound: "sound",
     Adjusted: "adjusted",
     Late: "late",
+    Unsteady: "unsteady",
     Doubtful: "doubtful",
     Unseen: "unseen",
 });
@@ -39,6 +42,8 @@ pub struct CameraAdjustment {
     pub change: Change,
     /// Error bars of the change; of a sound camera, how far off it may be all the same.
     pub bars: Bars,
+    /// The first frame of another clock, if it is unsteady.
+    pub since: Option<usize>,
     /// Median distance of its detections from where the other cameras place the joints, in frames
     /// that were left out, px: as given and as returned.
     pub before: f64,
