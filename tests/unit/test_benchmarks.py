@@ -117,6 +117,7 @@ def test_affinity_is_exact_on_exact_detections_and_finds_nobody_in_one_view() ->
     assert affinity.track(alone, rig, fps=30.0) == []
 
 
+@pytest.mark.skipif(not recordings.CMU_30HZ.is_file(), reason=f"people stay without {recordings.CMU_30HZ}")
 def test_calibrations_of_each_case_have_recordings_of_their_own() -> None:
     (found,) = run("calibrate", "--views", 4, "--takes", 1, "--cases", "known, useless", "--cases", "known")
     useless, known = found["known, useless: moves"], found["known: moves"]
