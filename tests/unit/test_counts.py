@@ -13,12 +13,12 @@ from planted import FAULTS
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 39_791,
+    "package": 39_804,
     "cli": 3_775,
     "core": 19_811,
     "binding": 2_760,
     "Rust tests": 5_996,
-    "Python tests": 28_005,
+    "Python tests": 28_015,
     "benchmarks and tools": 4_510,
     "docs, words": 41_986,
     "README, words": 1_462,

@@ -94,6 +94,16 @@ def test_a_camera_without_a_file_may_be_left_out(tmp_path):
     assert found.camera_names == tuple(NAMES)
 
 
+def test_a_camera_that_only_the_detections_have_may_be_left_out(tmp_path):
+    write(tmp_path, "coco")
+    with pytest.raises(sk.DatasetError, match=NAMES[-1]):
+        read_detections(tmp_path, NAMES[:-1], layout=H36M)
+    found = read_detections(tmp_path, NAMES[:-1], layout=H36M, without=[NAMES[-1]])
+    assert found.camera_names == tuple(NAMES[:-1])
+    with pytest.raises(sk.InvalidInputError, match="without"):
+        read_detections(tmp_path, NAMES, layout=H36M, without=["another"])
+
+
 @pytest.mark.parametrize(
     ("name", "order"),
     [

@@ -22,7 +22,7 @@ from skelsplat.findings import Finding, Remedy, Subject, collected_warnings, war
 from skelsplat.io import PoseData, read_npz
 from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.detections import Opened as Detections
-from skelsplat.io.detections import camera_called, cameras_called, one_rate, open_detections
+from skelsplat.io.detections import camera_called, cameras_called, is_among, one_rate, open_detections
 from skelsplat.io.video import FrameSource, find_videos, open_source
 from skelsplat.rig_check import ReadAs
 from skelsplat.run.image_sizes import in_calibrated_pixels
@@ -173,6 +173,7 @@ def open_recording(
         raise DatasetError(calibration, "cameras", "at least two cameras", len(every))
     unread = unread_in(told)
     found = open_detections(detections, every, without=without, unread=unread, **given)
+    unread += tuple(one for one in without if not is_among(one, (*every.names, *unread)))
     _note_clocks(calibration, every, given.get("offsets") or {})
     every = replace(every, clocks={})
     rig = leave_out(every, without, unread)

@@ -156,7 +156,7 @@ def _parse_easymocap(source: Source) -> Parsed:
         words = (
             f"{path}: {', '.join(left)}: not in both of {' and '.join(file.name for file in pair)}, left out."
         )
-        warn(Finding("calibration_read_as", "note", cameras_of(path, left), sentence=words))
+        warn(Finding("calibration_read_as", "note", cameras_of(path, left), {"unread": True}, sentence=words))
     return [_easymocap_camera(intri, extri, name) for name in both if source.keeps(name)], None
 
 

@@ -23,6 +23,7 @@ from skelsplat.io.detections._match import (
     Candidates,
     camera_called,
     cameras_called,
+    is_among,
     match_by_name,
     match_by_order,
 )
@@ -37,6 +38,7 @@ __all__ = [
     "camera_called",
     "camera_labels",
     "cameras_called",
+    "is_among",
     "one_rate",
     "open_detections",
     "read_detections",
@@ -168,16 +170,20 @@ def open_detections(
     """Open the detections of all cameras to read them in stretches; parameters as of `read_detections`.
 
     Cameras that are ``unread`` are left out as well: the calibration has them, but they could not be read.
+    Those that only the detections have are left out by their names there.
     """
     one_of("frames", frames, FRAME_MODES)
     names = [*_camera_names(cameras, ordered=order is not None), *unread]
     shifts = check_offsets(offsets, names, cameras.clocks if isinstance(cameras, sk.CameraRig) else {})
-    left_out = (*cameras_called(without, names, "without"), *unread)
-    kept = tuple(name for name in names if name not in left_out)
     root, advice = Path(path), "without= leaves out cameras"
     with within_memory(root):
         form = find_format(root, format)
         there, read = offered(root, form, sequence)
+        if order is None:
+            texts = there.texts.values()
+            names += [one for one in without if is_among(one, texts) and not is_among(one, names)]
+        left_out = (*cameras_called(without, names, "without"), *unread)
+        kept = tuple(name for name in names if name not in left_out)
         if order is None:
             labels = match_by_name(there, names, optional=left_out, otherwise=advice)
         else:

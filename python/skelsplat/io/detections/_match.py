@@ -29,6 +29,11 @@ def camera_called(text: str, names: Sequence[str], argument: str = "camera") -> 
     return fitting[0]
 
 
+def is_among(text: str, names: Iterable[str]) -> bool:
+    """Whether one of these names reads the same."""
+    return any(_words(name) == _words(text) for name in names)
+
+
 def cameras_called(texts: Iterable[str], names: Sequence[str], argument: str) -> tuple[str, ...]:
     """Return the cameras that `texts`, or one text, mean, each once, in order, as `camera_called` does."""
     texts = [texts] if isinstance(texts, str) else texts
@@ -100,6 +105,7 @@ def match_by_name(
     stray = [label for label in candidates.busy if label not in found.values()]
     if stray:
         expected = f"a camera in the calibration for every {kind} (it has {', '.join(names)})"
+        advice += f"; {otherwise}" if otherwise else ""
         raise candidates.error(expected, f"no camera for {', '.join(stray)}; {advice}")
     missing = [name for name in names if name not in found]
     needed = [name for name in missing if name not in optional]
