@@ -20,7 +20,7 @@ CEILINGS = {
     "Rust tests": 5_996,
     "Python tests": 28_015,
     "benchmarks and tools": 4_510,
-    "docs, words": 41_986,
+    "docs, words": 41_988,
     "README, words": 1_462,
 }
 
