@@ -159,11 +159,7 @@ def _cameras(inputs: Inputs, statistics: Statistics, outcome: Outcome) -> Iterat
     worst = [i for i in displaced if names[i] in bad]
     rest = [i for i in displaced if names[i] not in bad]
     sides = {names[i]: shift_of(names, shifts, i, rest if i == worst[0] else ()) for i in worst}
-    yield from _find_unfit(names, unfit)
-    yield from find_cameras(statistics, unfit_names, sides, followed=inputs.solved is not None)
-    yield from find_displaced(names, shifts, [] if worst else rest, unfit_names)
     apart = [*find_apart(inputs.rig, statistics, {*displaced, *unfit})]
-    yield from apart
     if (unfit or apart) and inputs.layout.name == layouts.MEDIAPIPE33.name:
         words = (
             "MediaPipe detects one person per image. If several are in view, it may follow another one in "
@@ -171,6 +167,10 @@ def _cameras(inputs: Inputs, statistics: Statistics, outcome: Outcome) -> Iterat
         words += "each camera, so that cameras look wrong that are not: use a detector of several people, "
         words += "such as rtmlib."
         yield Finding("detector_of_one_person", "warning", sentence=words)
+    yield from _find_unfit(names, unfit)
+    yield from find_cameras(statistics, unfit_names, sides, followed=inputs.solved is not None)
+    yield from find_displaced(names, shifts, [] if worst else rest, unfit_names)
+    yield from apart
 
 
 def find_cameras(
