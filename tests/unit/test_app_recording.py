@@ -16,7 +16,7 @@ from skelsplat.app.places import Place
 from skelsplat.app.recording import Recording
 from skelsplat.app.recordings import Recordings
 from skelsplat.cli.batch import job_of, sessions_of
-from skelsplat.cli.process import Work
+from skelsplat.cli.process import CANCELLED, Work
 from skelsplat.cli.rows import texts_in, texts_of, typed
 from skelsplat.cli.settings import OPTIONS, are_wrong, put, worded, wrong
 from skelsplat.exceptions import InvalidInputError
@@ -78,6 +78,19 @@ def test_a_path_that_leads_out_is_refused(recording):
 def test_what_a_cancelled_command_left_behind_is_said(tmp_path):
     work = Work(["refine"], tmp_path, messages=["warning: x", "interrupted; out is unfinished: run it again"])
     assert work.left == "Out is unfinished: run it again."
+
+
+def test_a_remedy_that_was_cancelled_leaves_the_settings(recording, monkeypatch):
+    monkeypatch.setattr(Recording, "look", lambda _: None)
+    started = []
+    monkeypatch.setattr(Recording, "start", lambda _, command: started.append(command))
+    recording.given["refine"], recording.result = {"fps": "60"}, object()
+    recording.try_remedy(next(row for row in ROWS if row.name == "without"), "cam1")
+    assert recording.given["refine"] == {"fps": "60", "without": ["cam1"]}
+    work = Work(["refine"], recording.folder)
+    work.state = CANCELLED
+    recording._ended(work)
+    assert (recording.given["refine"], recording.before, started) == ({"fps": "60"}, None, ["refine"])
 
 
 def test_nothing_is_to_be_typed_before_all_is_there(recording):

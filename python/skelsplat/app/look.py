@@ -146,7 +146,7 @@ class ResultParts:
                 for name, about, size in files
             )
             html("".join(links)).classes("s-files")
-            there = {name.rpartition("/")[2].partition(".")[2] for name, _, _ in files}
+            there = {name.partition("pose.")[2] for name, _, _ in files}
             with ui.element("div").classes("s-row"):
                 ui.label("Find the pose again, and also write").classes("s-dim s-small")
                 for kind in (kind for kind in POSE_FORMATS if kind not in there):

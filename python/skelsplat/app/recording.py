@@ -109,17 +109,17 @@ class Recording:
                 self.given["refine"].pop("unit", None)
                 self.given["refine"] |= {"calibration": _CAMERAS}
                 self.given["refine"] |= texts_in(OPTIONS["refine"], shlex.split(command))
+        elif self.before is not None:  # a remedy that was cancelled, or failed
+            self.given["refine"], self.before = self.before[2], None
         self.look()
 
     def try_remedy(self, row: Option, value: Any) -> None:
         """Refine with a remedy of a finding, and keep the result before it for comparison."""
         assert self.result is not None
         settings = self.given["refine"]
-        text = (
-            [*settings.get(row.name, []), str(value)] if row.many else value if value is True else str(value)
-        )
-        self.before = (self.result, row.title if value is True else f"{row.title} {value}", dict(settings))
-        put(settings, row.name, text)
+        text, what = (True, row.title) if value is True else (str(value), f"{row.title} {value}")
+        self.before = (self.result, what, dict(settings))
+        put(settings, row.name, [*settings.get(row.name, []), text] if row.many else text)
         self.start("refine")
 
     def keep(self) -> None:
