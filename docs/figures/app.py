@@ -1,6 +1,6 @@
 """The pictures of ``skelsplat app``: ``python docs/figures/app.py [FOLDER]``; it needs Chromium.
 
-The pages of the recording in the package: an empty start, and the result beside what the cameras see.
+Two pages on the recording in the package: before anything is set, and the result beside the videos.
 """
 
 from __future__ import annotations

@@ -135,7 +135,7 @@ class RigCalibration:
     not tell the cameras' places: ``"places"`` (an error bar is above 3° or 6 % of the camera's distance),
     ``"movement"`` (the person hardly moves), ``"periodic"`` (other clocks explain as much), ``"clocks"``
     (cameras are out of step), ``"cameras"`` (half of them or more are left out, or two are left to tell focal
-    lengths), ``"moved"`` (cameras were moved again and again), ``"lenses"`` (focal lengths that were given,
+    lengths), ``"moved"`` (cameras kept moving), ``"lenses"`` (focal lengths that were given,
     or the same for all, contradict the detections). Without any, the rig is ``sure``.
 
     ``people`` are the detections by which the cameras were found, (T, M, N, 2|3) of each person, of all M

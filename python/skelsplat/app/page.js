@@ -47,7 +47,7 @@ for (const kind of ["dragover", "dragleave", "drop"]) {
   });
 }
 
-// What is shown anew keeps what it said, and the keyboard: it goes on at the button of the same name, at Cancel, or at the first field there.
+// Parts that are redrawn keep their message and the focus: it moves to the button of the same name, to Cancel, or to the first field there.
 const PLACES = ".s-do, .s-part, section";
 let last = null;
 document.addEventListener("focusin", ({ target }) => {

@@ -85,7 +85,7 @@ def _unsure(found: sk.RigCalibration, clock: bool) -> Finding:
         "cameras": f"too few cameras agree. Do all of them see the same person at the same time? {_FILM}",
         "lenses": f"other focal lengths fit than {stated} ({', '.join(off)}). Are the lenses those of "
         "these cameras, at this zoom and image size? Without them, focal lengths are found",
-        "moved": "a camera was moved again and again while it recorded",
+        "moved": "a camera kept moving while it recorded",
         "places": f"{bars}. {_FILM}{lenses}",
     }
     words = f"This recording does not tell where the cameras are: {why[found.doubts[0]]}."

@@ -8,7 +8,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::bias::LastingErrors;
 use super::bundle::{Bundle, CHUNK, PER_NOISE, unknowns};
-use super::evidence::{excess, log_odds, wald};
+use super::evidence::{excess, log_odds, turning_point, wald};
 use super::placed::{Change, Freedom, Placed};
 use super::search::{CONFIRMED_WALD, Explanation, FAULT_WALD, LEAST, RAYLEIGH, Scope};
 use crate::statistics::median;
@@ -192,26 +192,20 @@ impl Scope<'_> {
         Lags { best, all }
     }
 
-    /// The frame up to which the first of two clocks of a view explains its detections better.
+    /// The place among the frames from which on the second of two clocks of a view explains its
+    /// detections better.
     pub(super) fn crossing(&self, rig: &[Placed], view: usize, clocks: [f64; 2]) -> usize {
         let others: Vec<bool> = (0..rig.len()).map(|i| i != view).collect();
         let points = self.scene.points(self.frames, rig, &others);
-        let errors = clocks.map(|clock| self.passing(rig, view, clock, &points, true));
-        let kernel = kernel(&errors);
+        let [first, second] = clocks.map(|clock| self.passing(rig, view, clock, &points, true));
+        let kernel = kernel([&first, &second]);
         let cost = |e: &Vector2<f64>| 1.0 - (-(e / kernel).norm_squared()).exp();
+        let more = |(first, second): (&Option<_>, &Option<_>)| {
+            first.as_ref().zip(second.as_ref()).map_or(0.0, |(a, b)| cost(a) - cost(b))
+        };
         let n = self.scene.n_joints();
-        let (mut sum, mut least, mut best) = (0.0, f64::INFINITY, 0);
-        for (k, t) in self.frames.iter().enumerate() {
-            if sum < least {
-                (least, best) = (sum, *t);
-            }
-            for pair in errors[0][n * k..].iter().zip(&errors[1][n * k..]).take(n) {
-                if let (Some(first), Some(second)) = pair {
-                    sum += cost(first) - cost(second);
-                }
-            }
-        }
-        best
+        let frames = first.chunks(n).zip(second.chunks(n));
+        turning_point(frames.map(|(first, second)| first.iter().zip(second).map(more).sum()))
     }
 
     /// Errors of the detections of a view with another clock, mm, less those that last, which

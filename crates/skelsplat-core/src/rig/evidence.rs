@@ -136,3 +136,15 @@ pub fn excess(costs: &[f64], others: &[f64]) -> f64 {
     let error = (squares / (n * (n - 1.0).max(1.0))).sqrt();
     if mean == 0.0 { 0.0 } else { mean / error }
 }
+
+/// The place up to which an explanation that costs so much `more` than another is the better one.
+pub(super) fn turning_point(more: impl IntoIterator<Item = f64>) -> usize {
+    let (mut sum, mut least, mut best) = (0.0, 0.0, 0);
+    for (k, difference) in more.into_iter().enumerate() {
+        sum += difference;
+        if sum < least {
+            (least, best) = (sum, k + 1);
+        }
+    }
+    best
+}

@@ -34,14 +34,14 @@ impl Scope<'_> {
     }
 
     fn change_of(&self, rig: &[Placed], view: usize) -> Option<ClockChange> {
-        let count = self.frames.len();
-        let first = BEGINNINGS.iter().find_map(|q| self.divided(rig, view, count * q / 4))?;
-        let since = self.frames.iter().position(|t| *t == first.since)?;
-        self.divided(rig, view, since)
+        let begun = |q: &usize| self.divided(rig, view, self.frames.len() * q / 4);
+        let (since, _) = BEGINNINGS.iter().find_map(begun)?;
+        let (since, change) = self.divided(rig, view, since)?;
+        Some(ClockChange { since: *self.frames.get(since)?, ..change })
     }
 
-    /// Whether the clock differs before and after this place among the frames.
-    fn divided(&self, rig: &[Placed], view: usize, at: usize) -> Option<ClockChange> {
+    /// The change of the clock between the parts divided at a place, and where it changes.
+    fn divided(&self, rig: &[Placed], view: usize, at: usize) -> Option<(usize, ClockChange)> {
         if at.min(self.frames.len() - at) < LEAST_FRAMES {
             return None;
         }
@@ -49,8 +49,8 @@ impl Scope<'_> {
         let [a, b] = [before, after].map(|frames| Scope { frames, ..*self }.lags(rig, view, None));
         let odds = a.one_for_both(&b)? - (STRONG * (a.count() * BEGINNINGS.len()) as f64).ln();
         let by = b.best - a.best;
-        let since =
-            (odds > 0.0 && by != 0.0).then(|| self.crossing(rig, view, [a.best, b.best]))?;
-        Some(ClockChange { view, since, by, odds })
+        let changes = odds > 0.0 && by != 0.0;
+        let since = changes.then(|| self.crossing(rig, view, [a.best, b.best]))?;
+        Some((since, ClockChange { view, since, by, odds }))
     }
 }

@@ -14,7 +14,7 @@ use super::{FEW, Fit, Part, Task, WIDER};
 use crate::batch::Progress;
 use crate::error::Result;
 use crate::rig::bundle::{Lenses, PER_NOISE, places};
-use crate::rig::evidence::{CHANGED, log_odds};
+use crate::rig::evidence::{CHANGED, log_odds, turning_point};
 use crate::rig::gauge::moved;
 use crate::rig::placed::{Change, Placed};
 use crate::rig::scene::Scene;
@@ -64,8 +64,9 @@ impl Task<'_> {
                 let since = when_moved(Scene::new(&seen), &frames, rigs, k, PER_NOISE * fit.noise);
                 let settled = since.abs_diff(first) as f64 <= SETTLED * frames.len() as f64;
                 let agrees = |fit: &Fit| views.len() == 2 || fit.worst().is_none();
-                if settled && parts.iter().all(|(_, fit)| agrees(fit)) {
-                    return Ok(Some((views[k], self.times[frames[since]])));
+                let agreed = settled && parts.iter().all(|(_, fit)| agrees(fit));
+                if let Some(frame) = frames.get(since).filter(|_| agreed) {
+                    return Ok(Some((views[k], self.times[*frame])));
                 }
                 first = since;
             }
@@ -182,20 +183,13 @@ fn when_moved(
     let used: Vec<bool> = (0..m).map(|k| k != i || m == 2).collect();
     let placed = rigs.map(|rig| scene.points(frames, &rig.cameras, &used));
     let n = scene.n_joints();
-    let costs = |t: usize| {
-        [0, 1].map(|part| {
+    let more = |t: usize| {
+        let cost = |part: usize| {
             let points: &[Vector3<f64>] = &placed[part][n * t..n * (t + 1)];
             let off = scene.distances(&frames[t..=t], points, i, &rigs[part].cameras[i]);
             off.iter().map(|(px, mm)| 1.0 - (-0.5 * (px * mm / width).powi(2)).exp()).sum::<f64>()
-        })
+        };
+        cost(0) - cost(1)
     };
-    let (mut sum, mut least, mut best) = (0.0, 0.0, 0);
-    for t in 0..frames.len() {
-        let [first, second] = costs(t);
-        sum += first - second;
-        if sum < least {
-            (least, best) = (sum, t + 1);
-        }
-    }
-    best
+    turning_point((0..frames.len()).map(more))
 }
