@@ -10,7 +10,7 @@ use super::places::{PlaceSearch, Votes, against_bones, needed, shown};
 use super::posterior::{Explanation, error_bars};
 use super::problem::{Annealing, Prior, Solution};
 use super::rays::{Rays, there};
-use super::solver::{Solver, Terms};
+use super::solver::{Solver, Terms, UPWARDS};
 use super::starts::{Before, PRIOR_REACH, nearest_to_all};
 use super::swaps::{self, Chain, Swap};
 use super::views::factors;
@@ -95,6 +95,8 @@ const GAINED_BY_MOVES: f64 = 20.0;
 const NOISE_SHARE: f64 = 0.87;
 /// Kernel from which limb pairs take part, mm.
 const ENTER: f64 = 80.0;
+/// Tolerance of the solver until the explanation is chosen.
+const COARSE: f64 = 0.1;
 
 impl Attempt {
     /// With the joints where they are, and left and right as they are given.
@@ -121,13 +123,12 @@ impl AnnealedFrame<'_> {
         let may_follow = annealing.per_noise.is_finite();
         let is_estimated = annealing.noise == NoiseModel::Estimated;
         let mut found = self.moved(self.annealed(rays.clone(), may_follow && !is_estimated));
-        let is_noisy = annealing.per_noise * found.solver.noise() >= annealing.base;
-        if may_follow && is_estimated && is_noisy {
+        let is_contested = can_outvote(&found.rays);
+        // With less noise the wide kernels end like the configured ones.
+        let needs = annealing.base / annealing.per_noise / if is_contested { UPWARDS } else { 1.0 };
+        if may_follow && is_estimated && found.solver.noise() >= needs {
             let mut wide = self.annealed(rays, true);
-            let least = match can_outvote(&found.rays) {
-                true => self.explains(&found),
-                false => f64::NEG_INFINITY,
-            };
+            let least = if is_contested { self.explains(&found) } else { f64::NEG_INFINITY };
             if self.explains(&wide) > least - GAINED_BY_MOVES {
                 wide = self.moved(wide);
                 if wide.solver.noise() <= annealing.start && self.explains(&wide) > least {
@@ -135,23 +136,28 @@ impl AnnealedFrame<'_> {
                 }
             }
         }
-        let given = self.compare_views(&mut found);
+        let given = self.finish(&mut found);
         self.outcome(found, given)
     }
 
-    /// Solves the frame again where views do not compare as their confidences say; returns the rays
-    /// with their confidences.
-    fn compare_views(&self, found: &mut Attempt) -> Option<Rays> {
-        if self.in_recording {
-            return None;
+    /// Solves the chosen explanation to the end; where views do not compare as their confidences
+    /// say, with other weights. Returns the rays with their confidences then.
+    fn finish(&self, found: &mut Attempt) -> Option<Rays> {
+        let alone = !self.in_recording;
+        let factors = alone.then(|| factors(&found.rays, &found.solver.solution())).flatten();
+        let given = factors.map(|factors| {
+            let rays = found.rays.weighed(&factors);
+            found.solver.joints.set_all_rays(&rays);
+            found.solver.measure(found.follows_noise);
+            std::mem::replace(&mut found.rays, rays)
+        });
+        let terms = self.terms(found.follows_noise, &found.bones);
+        let terms = Terms { tolerance: self.annealing.tolerance, ..terms };
+        match given.is_none() && found.solver.whole {
+            true => found.solver.proceed(&terms),
+            false => found.solver.run(&terms, |_| true),
         }
-        let factors = factors(&found.rays, &found.solver.solution())?;
-        let rays = found.rays.weighed(&factors);
-        found.solver.joints.set_all_rays(&rays);
-        found.solver.measure(found.follows_noise);
-        let terms = Terms { enter: f64::INFINITY, ..self.terms(found.follows_noise, &found.bones) };
-        found.solver.run(&terms, |_| true);
-        Some(std::mem::replace(&mut found.rays, rays))
+        given
     }
 
     /// With swaps and moves.
@@ -241,7 +247,9 @@ impl AnnealedFrame<'_> {
 
     fn terms<'b>(&'b self, follows_noise: bool, bones: &'b [Bone]) -> Terms<'b> {
         let Self { pairs, annealing, .. } = self;
-        Terms { pairs, bones, annealing, enter: ENTER, follows_noise }
+        let tolerance = annealing.tolerance.max(COARSE);
+        let enter = if bones.is_empty() { ENTER } else { f64::INFINITY };
+        Terms { pairs, bones, annealing, enter, tolerance, follows_noise }
     }
 
     /// One annealing of all joints, without bones.
@@ -249,7 +257,11 @@ impl AnnealedFrame<'_> {
         let mut joints = Joints::new(&rays, self.pairs);
         joints.start(&rays, &self.annealing);
         let mut solver = Solver::new(joints, self.annealing.noise);
-        solver.run(&self.terms(follows_noise, &[]), |_| true);
+        let terms = self.terms(follows_noise, &[]);
+        // A prior is compared with the noise without it.
+        let tolerance =
+            if self.priors().is_some() { self.annealing.tolerance } else { terms.tolerance };
+        solver.run(&Terms { tolerance, ..terms }, |_| true);
         solver.joints.drop_undetermined(&rays);
         let mut attempt = Attempt { follows_noise, ..Attempt::new(rays, solver) };
         match &self.before {
@@ -361,8 +373,7 @@ impl AnnealedFrame<'_> {
         for (j, x) in guess.iter().enumerate() {
             found.solver.joints.put(j, x);
         }
-        let terms = Terms { enter: f64::INFINITY, ..self.terms(found.follows_noise, &bones) };
-        found.solver.run(&terms, near);
+        found.solver.run(&self.terms(found.follows_noise, &bones), near);
         found.bones = bones;
         has_moved
     }

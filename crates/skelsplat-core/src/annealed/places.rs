@@ -28,6 +28,9 @@ const LEAST_ANCHORS: usize = 3;
 const LEAST_GIVEN: usize = 1;
 /// How far joints move from one frame to the next, mm per axis: a wrist at 2.5 m/s at 25 Hz.
 const MOVED: f64 = 100.0;
+/// Places nearer to where a joint is than this multiple of its kernel are no others: it would
+/// return.
+const SAME: f64 = 1.0;
 /// Share of the frames before which something else has happened: a cut, or a wrong past.
 const JUMP: f64 = 0.1;
 
@@ -169,6 +172,7 @@ impl PlaceSearch<'_> {
         // Every ray passes somewhere: a detection determines a place with another or with a bone.
         let has_bone = self.bones.iter().any(|bone| bone.joints.contains(&j));
         if found.is_empty() || self.votes.agree[j] > if has_bone { 0 } else { 1 } {
+            found.retain(|y| (y - x).norm() > SAME * self.solution.sigma[j]);
             found.insert(0, x);
         }
         found.retain(|x| x.x.is_finite());

@@ -23,13 +23,15 @@ pub struct Terms<'a> {
     pub annealing: &'a Annealing,
     /// Kernel from which limb pairs and bones take part, mm.
     pub enter: f64,
+    /// The run ends when no joint moves by more than this fraction of the noise.
+    pub tolerance: f64,
     /// Whether the final kernels may exceed [`Annealing::end`] where the noise requires it.
     pub follows_noise: bool,
 }
 
 /// Factor on the multiple of the noise for kernels above the configured ones, which makes them
 /// reject sooner.
-const UPWARDS: f64 = 0.78;
+pub(super) const UPWARDS: f64 = 0.78;
 /// Maximum step, as a fraction of the mean distance of the joints from the cameras.
 const TRUST: f64 = 0.1;
 /// Relative change of the variance from one step to the next at which kernels that follow the noise
@@ -44,7 +46,13 @@ pub(super) struct Solver {
     pub(super) variance: f64,
     pub(super) model: NoiseModel,
     pub(super) n_iter: usize,
+    /// The same when the last run began.
+    begun: usize,
     pub(super) converged: bool,
+    /// The longest step of the last one, mm.
+    longest: f64,
+    /// Whether all joints that are estimated took part in the last run.
+    pub(super) whole: bool,
     links: Vec<Link>,
     scratch: Scratch,
 }
@@ -53,8 +61,18 @@ impl Solver {
     /// Of joints that have their places, under this model of the noise.
     pub(super) fn new(joints: Joints, model: NoiseModel) -> Self {
         let (links, scratch) = (Vec::new(), Scratch::default());
-        let mut solver =
-            Self { joints, variance: 0.0, model, n_iter: 0, converged: false, links, scratch };
+        let mut solver = Self {
+            joints,
+            variance: 0.0,
+            model,
+            n_iter: 0,
+            begun: 0,
+            converged: false,
+            longest: f64::INFINITY,
+            whole: false,
+            links,
+            scratch,
+        };
         let scale = solver.scale(false);
         solver.variance = model.variance([0.0; 2], f64::INFINITY, scale);
         solver
@@ -68,32 +86,40 @@ impl Solver {
     /// Anneals the joints for which `moves` is true from where they are.
     pub(super) fn run(&mut self, terms: &Terms<'_>, moves: impl Fn(usize) -> bool) {
         self.release(terms, moves);
+        (self.begun, self.converged) = (self.n_iter, false);
+        self.proceed(terms);
+    }
+
+    /// Anneals the joints of the last run further.
+    pub(super) fn proceed(&mut self, terms: &Terms<'_>) {
         let annealing = terms.annealing;
         let damping = annealing.start.powi(-2);
-        let steps = self.n_iter;
-        self.converged = false;
+        self.converged &= self.longest <= terms.tolerance * self.noise();
         let mut steady = !terms.follows_noise;
-        while self.n_iter < steps + annealing.max_steps && !self.converged {
+        while self.n_iter < self.begun + annealing.max_steps && !self.converged {
             self.joints.sum(1.0 / self.variance, damping);
             self.link(terms);
-            let small = annealing.tolerance * self.noise();
+            let noise = self.noise();
             self.solve();
             self.n_iter += 1;
-            let longest = self.step(small, steady);
+            self.longest = self.step(annealing.tolerance * noise, steady);
             let before = self.variance;
             self.estimate_noise(terms.follows_noise);
             steady = !terms.follows_noise || (self.variance / before - 1.0).abs() < STEADY;
-            self.converged = self.narrow(terms) && steady && longest <= small;
+            self.converged =
+                self.narrow(terms) && steady && self.longest <= terms.tolerance * noise;
         }
     }
 
     fn release(&mut self, terms: &Terms<'_>, moves: impl Fn(usize) -> bool) {
+        self.whole = true;
         let joints = &mut self.joints;
         for j in 0..joints.n_joints {
             let (g, l) = joints.place_of(j);
             let is_active = joints.is_active(j);
             let group = &mut joints.groups[g];
             group.settled[l] = !is_active || !moves(j);
+            self.whole &= !is_active || !group.settled[l];
             (group.coupled[l], group.narrow[l]) = (false, false);
         }
         let of_pairs = terms.pairs.iter().flat_map(|(l, r)| l.iter().chain(r));
@@ -186,7 +212,7 @@ impl Solver {
                 continue;
             }
             let (sigma, end) = (lane(&group.sigma, l), annealing.end[*j] * share);
-            group.narrow[l] = sigma <= 1.05 * end;
+            group.narrow[l] = (sigma - end).abs() <= 0.05 * end;
             done &= group.narrow[l];
             set_lane(&mut group.sigma, l, (sigma * annealing.factor).max(end));
         }

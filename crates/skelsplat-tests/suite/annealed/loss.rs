@@ -96,6 +96,7 @@ fn what_the_step_follows_is_the_gradient_of_f() {
             bones: &BONES,
             annealing: &annealing,
             enter: f64::INFINITY,
+            tolerance: annealing.tolerance,
             follows_noise: false,
         };
         let found = gradient(&rays, &terms, &priors, &at, sigma);
