@@ -36,7 +36,7 @@ class Subject:
 class Remedy:
     """A setting of a run (a field of `skelsplat.run.Job` or of its settings) that helps, and its value.
 
-    ``("without", "cam_03")``; True for a switch, None where the user chooses.
+    ``("without", "cam_03")``; True for a switch, None where the user chooses, a list of several at once.
     """
 
     setting: str

@@ -147,6 +147,8 @@ JOB = rows(
     --no-undistort  Ignore lens distortion.
     --adjust-cameras  First adjust the cameras that were turned or moved since the calibration. Everybody the
         views agree on shows which; cameras.json has them. skelsplat adjust-cameras writes a calibration.
+    --move CAMERA  A camera that was moved. Repeatable; only these are adjusted, instead of those found to be
+        wrong. Requires --adjust-cameras.
     Method:
     * --paper  Use the published method. It renders pixels and optimises with Adam; the default, annealed, is
         more robust.
@@ -189,6 +191,7 @@ JOB = rows(
     offset={"name": "offsets", "many": True, "read": _offsets},
     order=order,
     without={"many": True, "read": distinct},
+    move={"many": True, "read": distinct},
     map={"name": "mapping", "many": True, "read": _mapping},
     min_confidence={"kind": float, "limits": {"min": 0, "max": 1}},
     joint_bias_mm={"kind": float, "limits": {"min": 0}},

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,18 +12,18 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._words import metric
+from skelsplat._words import listed, metric
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
 from skelsplat.findings import collected_warnings
 from skelsplat.io._run_files import REPORT, is_run
 from skelsplat.io.calibration import find_format as calibration_format
 from skelsplat.io.calibration import read_calibration
-from skelsplat.io.detections import open_detections, sights
+from skelsplat.io.detections import is_among, open_detections, sights
 from skelsplat.io.detections._record import read_record
 from skelsplat.io.detections._registry import recognised
 from skelsplat.io.video import FrameSource, open_source, videos_of
-from skelsplat.run.contents import contents
+from skelsplat.run.contents import contents, folders_of_one_video
 from skelsplat.run.read import read_rig
 
 _LOOKED_AT = 200  # files of a folder
@@ -163,7 +163,8 @@ def _look(folder: Path, given: Mapping[str, Any], top: Path) -> Found:
         lacks = []
     if videos and detections:
         lacks += _unfinished(folder / detections, cameras)
-    lacks += [*broken, *lack, *more, *_missing(calibration, detections, videos, bool(broken))]
+    apart = folders_of_one_video(folder) if not detections and not videos else []
+    lacks += [*broken, *lack, *more, *_missing(calibration, detections, videos, bool(broken), apart)]
     if not given.get("fps") and detections and not any(one.fps for one in cameras):
         lacks.append(
             Lack(
@@ -186,9 +187,16 @@ def _look(folder: Path, given: Mapping[str, Any], top: Path) -> Found:
     )
 
 
-def _missing(calibration: str, detections: str, videos: str, broken: bool) -> Iterator[Lack]:
+def _missing(
+    calibration: str, detections: str, videos: str, broken: bool, apart: Sequence[str]
+) -> Iterator[Lack]:
     if not detections and videos:
         yield Lack("There are videos, and no keypoints yet: a detector finds the people in them.", "detect")
+    elif apart:
+        yield Lack(
+            f"There is one video in each of {', '.join(apart)}. Put the videos of all cameras into one "
+            "folder, each named after its camera."
+        )
     elif not detections:
         yield Lack(
             "There are no videos and no keypoints here. Put one video per camera, or what a detector of "
@@ -309,8 +317,23 @@ def _sight(
         if isinstance(error, DatasetError) and error.field == "cameras" and not given.get("order"):
             values = {"sorted": "Take them in the order of the calibration"}
             return cameras, "", [Lack(_NO_NAMES, setting="order", values=values)]
-        return cameras, "", [Lack(_line(error, folder))]
+        return cameras, "", [_blind(folder, detections, rig, cameras, given) or Lack(_line(error, folder))]
     return cameras, opened.skeleton.name, []
+
+
+def _blind(
+    folder: Path, detections: str, rig: sk.CameraRig | None, seen: Sequence[Camera], given: Mapping[str, Any]
+) -> Lack | None:
+    """Return that some cameras have no detections, if these are read without them."""
+    names, before = [one.name for one in seen], given.get("without", ())
+    blind = [name for name in (() if rig is None else rig.names) if not is_among(name, [*names, *before])]
+    without = [*before, *blind]
+    if not blind or any(
+        not lack.setting for lack in _sight(folder, detections, rig, {**given, "without": without})[2]
+    ):
+        return None
+    values = {",".join(without): f"Without {', '.join(blind)}"}
+    return Lack(f"There are no keypoints of {listed(blind)}.", setting="without", values=values)
 
 
 def _calibrated(name: str, camera: sk.Camera) -> Camera:
