@@ -42,6 +42,13 @@ class Remedy:
     setting: str
     value: Any = True
 
+    @property
+    def texts(self) -> list[str]:
+        """The values as texts; none of a switch, and where the user chooses."""
+        if self.value in (None, True):
+            return []
+        return [str(one) for one in (self.value if isinstance(self.value, list) else [self.value])]
+
 
 @dataclass(frozen=True)
 class Finding:

@@ -131,7 +131,7 @@ def test_from_keypoints_to_files_then_again_while_another_recording_is_cancelled
     for one in (page, another):
         one.get_by_role("progressbar").wait_for()
     press(another, "Cancel")
-    another.get_by_text("Cancelled.").wait_for()
+    another.get_by_text("Cancelled").wait_for()
     page.get_by_role("link", name="pose.bvh").wait_for()
     assert (root / "walk/out/pose.bvh").is_file()
     assert (root / "walk/out/pose.trc").is_file()
@@ -165,7 +165,7 @@ def test_without_a_mouse(visit):
     page.get_by_role("progressbar").wait_for()
     page.wait_for_function("document.activeElement.innerText === 'Cancel'")
     page.keyboard.press("Enter")
-    page.get_by_text("Cancelled.").wait_for()
+    page.get_by_text("Cancelled").wait_for()
     page.wait_for_function("document.activeElement.innerText === 'Find the pose'")
 
 

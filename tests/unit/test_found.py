@@ -44,8 +44,8 @@ def test_what_files_do_not_state_is_asked_for_with_values(folder):
 def test_without_a_calibration_cameras_can_be_found(folder):
     (folder / "Calib.toml").unlink()
     found = look(folder, GIVEN)
-    assert lacks(found) == [("image_size", False), ("calibrate", False)]
-    assert lacks(look(folder, {**GIVEN, "image_size": "1088x1920"})) == [("calibrate", False)]
+    assert lacks(found) == [("size", False), ("calibrate", False)]
+    assert lacks(look(folder, {**GIVEN, "size": (1088, 1920)})) == [("calibrate", False)]
     assert not found.ready
 
 

@@ -127,10 +127,7 @@ def tell_all(findings: Iterable[Finding], _console: Console | None = None, of: s
 def option_words(remedy: Remedy) -> str:
     """Return a remedy as it is pasted into a shell: ``--without cam_03``."""
     flag = "--" + remedy.setting.replace("_", "-")
-    if remedy.value in (None, True):
-        return flag
-    values = remedy.value if isinstance(remedy.value, list) else [remedy.value]
-    return " ".join(f"{flag} {shlex.quote(str(value))}" for value in values)
+    return " ".join(f"{flag} {shlex.quote(text)}" for text in remedy.texts) or flag
 
 
 def _remedy_words(remedy: Remedy) -> str:

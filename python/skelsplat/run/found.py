@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._words import listed, metric
+from skelsplat._words import listed, metric, size_text
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
 from skelsplat.findings import collected_warnings
@@ -31,13 +31,13 @@ _SAMPLED = 12  # frames in which people are counted
 _CALIBRATIONS = (".toml", ".json", ".xml", ".txt", ".xcp", ".yml", ".yaml", ".npz", ".pickle", ".pkl", ".h5")
 _OF_RIG = ("calibration_format", "unit", "camera_type", "subject", "size", "binning", "without")
 _OF_DETECTIONS = ("layout", "offsets", "order", "without", "mapping")
-_RATES = ("25", "30", "50", "60", "100")
+_PER_SECOND = {rate: f"{rate} per second" for rate in ("25", "30", "50", "60", "100")}
 _NO_RATE = (
     "The frame rate is not known. With it, all frames are solved together: joints move smoothly, and "
     "people can be followed. Choose it, or type another below:"
 )
 _NO_NAMES = "The keypoints do not name their cameras."
-_SIZES = ("1920x1080", "1080x1920", "1280x720", "3840x2160")
+_SIZES = {size: size for size in ("1920x1080", "1080x1920", "1280x720", "3840x2160")}
 _NO_SIZE = (
     "The size of the images is not known, which finding the cameras takes. Choose it, or type another below:"
 )
@@ -85,6 +85,7 @@ class Found:
     layout: str = ""
     unit: str = ""
     lacks: tuple[Lack, ...] = ()
+    chosen: tuple[Lack, ...] = ()  # what files do not state and was given, with what else it may be
     fps: str = ""  # as it was given
     names: tuple[str, ...] = ()  # of the cameras: the calibration's if there is one
     inside: tuple[str, ...] = ()  # folders with a recording each, if it is a folder of several
@@ -132,8 +133,8 @@ def look(folder: Path, given: Mapping[str, Any], top: Path | None = None) -> Fou
     """Return what a folder holds.
 
     ``given`` has fields of `skelsplat.run.Job` by which files are read. Its ``calibration`` and
-    ``detections`` choose among several, by their paths from the folder; ``image_size`` is that of all images
-    where files do not state it. A calibration may also be in folders above, up to ``top``.
+    ``detections`` choose among several, by their paths from the folder; ``size`` is that of all images where
+    files do not state it. A calibration may also be in folders above, up to ``top``.
     """
     with collected_warnings():
         return _look(folder, given, top or folder)
@@ -156,9 +157,9 @@ def _look(folder: Path, given: Mapping[str, Any], top: Path) -> Found:
     if sources:
         cameras = cameras or tuple(Camera(name) for name in sources)
         cameras = tuple(_with_source(one, sources.get(one.name)) for one in cameras)
-    unknown = not given.get("image_size") and any(one.size is None for one in cameras)
+    unknown = not given.get("size") and any(one.size is None for one in cameras)
     if detections and not calibration and unknown:
-        lacks = [Lack(_NO_SIZE, setting="image_size", values={size: size for size in _SIZES})]
+        lacks = [Lack(_NO_SIZE, setting="size", values=_SIZES)]
     else:
         lacks = []
     if videos and detections:
@@ -166,11 +167,7 @@ def _look(folder: Path, given: Mapping[str, Any], top: Path) -> Found:
     apart = folders_of_one_video(folder) if not detections and not videos else []
     lacks += [*broken, *lack, *more, *_missing(calibration, detections, videos, bool(broken), apart)]
     if not given.get("fps") and detections and not any(one.fps for one in cameras):
-        lacks.append(
-            Lack(
-                _NO_RATE, setting="fps", values={rate: f"{rate} per second" for rate in _RATES}, optional=True
-            )
-        )
+        lacks.append(Lack(_NO_RATE, setting="fps", values=_PER_SECOND, optional=True))
     return Found(
         folder,
         cameras,
@@ -182,9 +179,34 @@ def _look(folder: Path, given: Mapping[str, Any], top: Path) -> Found:
         layout,
         "" if rig is None else rig.unit,
         tuple(lacks),
+        tuple(_otherwise(folder, calibration, cameras, layout, given)),
         f"{given['fps']:g}" if given.get("fps") else "",
         tuple(one.name for one in cameras) if rig is None else tuple(rig.names),
     )
+
+
+def _otherwise(
+    folder: Path, calibration: str, cameras: Sequence[Camera], layout: str, given: Mapping[str, Any]
+) -> Iterator[Lack]:
+    """Yield what was given because files do not state it, with what else it may be."""
+    known: dict[str, tuple[str, Mapping[str, str]]] = {}
+    if given.get("unit") and calibration and _rig(folder, calibration, {**given, "unit": None})[1]:
+        known["unit"] = given["unit"], dict(_units(folder / calibration))
+    if given.get("layout") == layout and layout:
+        known["layout"] = layout, {name: name for name in _layouts(sk.layouts.get(layout).n_joints)}
+    if given.get("size") and not calibration:
+        known["size"] = size_text(given["size"]).replace("×", "x"), _SIZES
+    if given.get("fps") and not any(one.fps for one in cameras):
+        known["fps"] = f"{given['fps']:g}", _PER_SECOND
+    for setting, (value, values) in known.items():
+        others = {other: text for other, text in values.items() if other != value}
+        if others:
+            text = f"--{setting} {value}, as files do not state it. If that is wrong:"
+            yield Lack(text, setting=setting, values=others, optional=True)
+
+
+def _layouts(joints: int) -> list[str]:
+    return [name for name in sk.layouts.names if sk.layouts.get(name).n_joints == joints]
 
 
 def _missing(
@@ -310,7 +332,7 @@ def _sight(
     except (SkelSplatError, OSError) as error:
         if isinstance(error, InvalidInputError) and error.argument == "layout" and cameras:
             joints = next((joints for joints in map(_joints, views.values()) if joints), 0)
-            fitting = [name for name in sk.layouts.names if sk.layouts.get(name).n_joints == joints]
+            fitting = _layouts(joints)
             words = f"The keypoints have {joints} joints per person, and do not say which. Choose the layout:"
             if fitting:
                 return cameras, "", [Lack(words, setting="layout", values={name: name for name in fitting})]
