@@ -175,12 +175,11 @@ def _do() -> None:
     """Do the command in the arguments of this process."""
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
     sys.argv[0] = "skelsplat"
-    said = 0.0
+    said: dict[str, float] = {}
 
     def say(name: str, done: int | None, total: int | None) -> None:
-        nonlocal said
-        if time.monotonic() - said > _EVERY_S or done == total:
-            said = time.monotonic()
+        if time.monotonic() - said.get(name, 0.0) > _EVERY_S or done == total:
+            said[name] = time.monotonic()
             sys.stderr.write(f"{_BAR}{json.dumps([name, done, total])}\n")
             sys.stderr.flush()
 
