@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import shlex
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from threading import Event
@@ -12,12 +13,13 @@ import pytest
 
 import skelsplat as sk
 from skelsplat._budget import read_toml
+from skelsplat._optional import pip_words
 from skelsplat.app.places import Place
 from skelsplat.app.recording import Recording
 from skelsplat.app.recordings import Recordings
 from skelsplat.cli.batch import job_of, sessions_of
 from skelsplat.cli.of_found import lines_of
-from skelsplat.cli.process import CANCELLED, Work
+from skelsplat.cli.process import CANCELLED, Bar, Work
 from skelsplat.cli.rows import texts_in, texts_of, typed
 from skelsplat.cli.settings import OPTIONS, are_wrong, put, worded, wrong
 from skelsplat.exceptions import InvalidInputError
@@ -94,6 +96,31 @@ def test_a_remedy_that_was_cancelled_leaves_the_settings(recording, monkeypatch)
     work.state = CANCELLED
     recording._ended(work)
     assert (recording.given["refine"], recording.before, started) == ({"fps": "60"}, None, ["refine"])
+
+
+def test_a_remedy_of_several_is_compared_until_an_ordinary_run(recording, monkeypatch):
+    monkeypatch.setattr(Work, "start", lambda work: work)
+    monkeypatch.setattr(Recording, "running", False)
+    recording.given["refine"], recording.result = {"move": ["cam1"]}, object()
+    recording.try_remedy(next(row for row in ROWS if row.name == "move"), Remedy("move", ["cam2", "cam3"]))
+    assert recording.words("refine")[-6:] == ["--move", "cam1", "--move", "cam2", "--move", "cam3"]
+    assert recording.before[1:] == ("Move cam2, cam3", {"move": ["cam1"]})
+    for command, compared_with in (("overlay", True), ("refine", False)):
+        recording.start(command)
+        assert (recording.before is not None) == compared_with
+
+
+def test_time_is_left_of_all_cameras_and_of_what_is_new():
+    bar = Bar().after("cam1", 6, 10).after("cam2", 0, 10)
+    assert (bar.done, bar.total, bar.begun) == (6, 20, 6)
+    later = replace(bar.after("cam1", 8, 10), since=bar.since - 4.0)  # 2 in 4 s, 12 are left
+    assert later.seconds_left == pytest.approx(24.0, abs=1.0)
+
+
+def test_what_an_extra_adds_is_installed_with_this_python(recording):
+    work = Work(pip_words("rtmlib"), recording.folder)
+    assert f"{shlex.quote(sys.executable)} -m pip install" in work.command
+    assert "rtmlib" in work.command
 
 
 def test_nothing_is_to_be_typed_before_all_is_there(recording):
