@@ -82,7 +82,8 @@ def test_a_path_that_leads_out_is_refused(recording):
 
 def test_what_a_cancelled_command_left_behind_is_said(tmp_path):
     work = Work(["refine"], tmp_path, messages=["warning: x", "interrupted; out is unfinished: run it again"])
-    assert work.left == "out is unfinished: run it again"
+    work.state = CANCELLED
+    assert work.words_of_end == "Cancelled; out is unfinished: run it again."
 
 
 def test_a_remedy_that_was_cancelled_leaves_the_settings(recording, monkeypatch):

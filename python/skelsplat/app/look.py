@@ -60,6 +60,14 @@ class ResultParts:
             with ui.expansion(f"{len(found) - _FEW} more").classes("w-full s-more"):
                 for of, one in found[_FEW:]:
                     self._finding(of, one)
+        if not all(self.recording.drawn.values()):
+            note("note", _OUTDATED)
+        with ui.element("div").classes("s-row"):
+            for name in (name for name, *_ in files_of(self.recording.output) if name.endswith(PAGE)):
+                ui.link(f"Open {name} alone", self.address(name), new_tab=True)
+            draw = "Draw it on the videos" if self.recording.found.videos else "Draw what each camera sees"
+            free = not self.recording.running
+            button(draw, lambda: self.press(self.recording.start, "overlay"), enabled=free)
 
     def _finding(self, of: str, finding: Finding) -> None:
         """Show a finding, and a button for each of its remedies."""
@@ -90,7 +98,7 @@ class ResultParts:
         asks = remedy.value is None and row.kind is not bool
         words = f"Try: {row.title} {'…' if asks else ', '.join(remedy.texts)}".rstrip()
         action = ask if asks else lambda: self.press(recording.try_remedy, row, remedy)
-        button(words, action).set_enabled(not recording.running)
+        button(words, action, enabled=not recording.running)
 
     def _compare(self, result: AnyRun, before: AnyRun, what: str) -> None:
         """Show a remedy's result and that before it, to be kept or taken back."""
@@ -135,9 +143,8 @@ class ResultParts:
         folder, files = self.recording.output, files_of(self.recording.output)
         with section("4 · Files"):
             whole = address("/zip", folder=self.recording.place.relative(folder))
-            button("Everything in one zip file", lambda: ui.navigate.to(whole), first=True).classes(
-                "self-start"
-            )
+            save = button("Everything in one zip file", lambda: ui.navigate.to(whole), first=True)
+            save.classes("self-start")
             old = {f"overlay/{name}.mp4" for name, now in self.recording.drawn.items() if not now}
             links = (
                 f"<a href='{shown(self.address(name, download='1'))}' download><b>{shown(name)}</b>"

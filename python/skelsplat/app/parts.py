@@ -80,9 +80,10 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
     html(f"<table class='s-table'>{row(heads, 'th')}{body}</table>").classes("s-wide")
 
 
-def button(text: str, action: Callable[..., Any], *, first: bool = False) -> ui.button:
+def button(text: str, action: Callable[..., Any], *, first: bool = False, enabled: bool = True) -> ui.button:
     """Show a button; the ``first`` is that which most people press next."""
     made = ui.button(text, on_click=action).props("no-caps color=primary")
+    made.set_enabled(enabled)
     return made.props("unelevated" if first else "outline")
 
 
@@ -116,10 +117,8 @@ async def attempt(action: Callable[..., object], *given: object) -> str:
 
 def progress(work: Work, ended: Callable[[], object]) -> None:
     """Show a bar with the time left and a button that cancels, and call ``ended`` once; or how it ended."""
-    cancelled = "; ".join(filter(None, ["Cancelled", work.left]))
-    ended_so = {FAILED: ("error", work.error), CANCELLED: ("note", f"{cancelled}.")}
-    if work.state in ended_so:
-        note(*ended_so[work.state])
+    if work.state in (FAILED, CANCELLED):
+        note("error" if work.state == FAILED else "note", work.words_of_end)
     if work.state != RUNNING:
         return
     with ui.element("div").classes("s-bar"):

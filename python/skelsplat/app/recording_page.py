@@ -106,8 +106,7 @@ class RecordingPage:
                     rows = [(one.name, one.frames, one.fps, one.image, one.people) for one in found.cameras]
                     parts.table(("Camera", "Frames", "Per second", "Image", "People"), rows)
             choose = partial(self.press, self.recording.choose)
-            several = {"calibration": found.calibrations, "detections": found.keypoints}
-            for name, values in several.items():
+            for name, values in (("calibration", found.calibrations), ("detections", found.keypoints)):
                 if len(values) > 1:
                     chosen = ui.select([*values], value=getattr(found, name), label=name.capitalize())
                     chosen.on_value_change(lambda event, name=name: choose(name, event.value))
@@ -130,8 +129,7 @@ class RecordingPage:
                 parts.code(Work(pip_words(extra), self.recording.folder).command, "the command")
             with ui.element("div").classes("s-row"):
                 if words:
-                    start = parts.button(words, press, first=True)
-                    start.set_enabled(not self.recording.running)
+                    parts.button(words, press, first=True, enabled=not self.recording.running)
                 parts.choices(lack, partial(self.press, self.recording.choose))
 
     @ui.refreshable_method
@@ -159,13 +157,11 @@ class RecordingPage:
             return
         with ui.element("div").classes("s-row"):
             again = " again" if recording.result is not None else ""
-            start = parts.button(
-                f"Find the pose{again}", lambda: self.press(recording.start, "refine"), first=True
-            )
             first = "" if found.ready else "First, what is missing above."
             if are_wrong("refine", recording.given["refine"]):
                 first = "First, the setting that is marked."
-            start.set_enabled(not first)
+            start = partial(self.press, recording.start, "refine")
+            parts.button(f"Find the pose{again}", start, first=True, enabled=not first)
             ui.label(first).classes("s-dim s-small")
 
     @ui.refreshable_method

@@ -112,9 +112,10 @@ class Work:
         return last.partition(" (see skelsplat ")[0]
 
     @property
-    def left(self) -> str:
-        """What it left behind when it was interrupted: "out is unfinished: run it again"."""
-        return "".join(self.messages[-1:]).partition("interrupted; ")[2]
+    def words_of_end(self) -> str:
+        """Why it failed, or what it left behind when it was cancelled."""
+        left = "".join(self.messages[-1:]).partition("interrupted")[2]
+        return self.error if self.state == FAILED else f"Cancelled{left}."
 
     @property
     def words_of_bar(self) -> str:
