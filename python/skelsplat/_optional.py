@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import importlib.util
 import os
+import re
 import sys
 from functools import cache
+from importlib.metadata import PackageNotFoundError, requires
 from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import MissingPackageError
@@ -22,6 +25,19 @@ def pip_line(extra: str) -> str:
     """Return the command that installs an extra, and where to run it if that matters."""
     own = " in an environment of its own, as it needs NumPy 1" if extra == "mediapipe" else ""
     return f"pip install 'skelsplat[{extra}]'{own}"
+
+
+def requirements(extra: str) -> list[str]:
+    """Return what an extra adds, as pip takes it; its name where this package is not installed itself."""
+    with contextlib.suppress(PackageNotFoundError):
+        of_extra = re.compile(rf"extra == ['\"]{extra}['\"]")
+        return [one.partition(";")[0] for one in requires("skelsplat") or () if of_extra.search(one)]
+    return [extra]
+
+
+def pip_words(extra: str) -> list[str]:
+    """Return pip with the words that install what an extra adds, and say only what goes wrong."""
+    return ["pip", "install", "--quiet", "--disable-pip-version-check", *requirements(extra)]
 
 
 def can_draw() -> bool:

@@ -15,14 +15,15 @@ from skelsplat import _skelsplat
 from skelsplat._arrays import numbers, positive
 from skelsplat._skelsplat import Camera, Layout, RefineConfig
 from skelsplat._words import metric
-from skelsplat.cameras import CameraRig
+from skelsplat.cameras import MM_PER_UNIT, CameraRig
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.findings import Finding, warn
+from skelsplat.findings import Finding, Remedy, warn
 
 Cameras = CameraRig | Sequence[Camera]
 Progress = Callable[[int, int], None]
 
 # Frames spread over a batch whose median size tells whether the unit is plausible.
+_PERSON_MM = (500.0, 4000.0)  # in this extent of a skeleton one unit at most puts it
 _FRAMES_TO_JUDGE = 16
 # Share of joints that a start may outvote before it is doubted.
 _MOST_OUTVOTED = 0.2
@@ -176,7 +177,9 @@ def warn_of_size(poses: NDArray[np.float64], cameras: Cameras, layout: str | Lay
         size = f"{extent:.6f}" if extent < 0.01 else f"{extent:.2f}"
         beyond = f"{'taller' if found['taller'] else 'shorter'} than {metric(found['limit_mm'])}"
         sentence = f"The skeleton measures {size} {unit} and is {beyond}: is the unit really '{unit}'?"
-        warn(Finding("unit_wrong", numbers=found, sentence=sentence))
+        fits = [name for name, mm in MM_PER_UNIT.items() if _PERSON_MM[0] <= extent * mm <= _PERSON_MM[1]]
+        remedy = tuple(Remedy("unit", name) for name in fits)
+        warn(Finding("unit_wrong", numbers=found, remedy=remedy, sentence=sentence))
 
 
 def refinement_fields(out: dict[str, Any]) -> dict[str, Any]:

@@ -36,11 +36,18 @@ class Subject:
 class Remedy:
     """A setting of a run (a field of `skelsplat.run.Job` or of its settings) that helps, and its value.
 
-    ``("without", "cam_03")``; True for a switch, None where the user chooses.
+    ``("without", "cam_03")``; True for a switch, None where the user chooses, a list of several at once.
     """
 
     setting: str
     value: Any = True
+
+    @property
+    def texts(self) -> list[str]:
+        """The values as texts; none of a switch, and where the user chooses."""
+        if self.value in (None, True):
+            return []
+        return [str(one) for one in (self.value if isinstance(self.value, list) else [self.value])]
 
 
 @dataclass(frozen=True)

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import http.client
+import os
 import re
 import signal
 import socket
 import subprocess
 import sys
+import time
 import zipfile
+from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from skelsplat.io import read_pose
+import skelsplat as sk
+from detector_of_dots import rtmlib
+from skelsplat import synthetic
+from skelsplat.io import read_pose, write_calibration
 
 pytest.importorskip("nicegui")
 PATIENCE_MS = 60_000
@@ -25,7 +32,7 @@ NARROW = "document.scrollingElement.scrollWidth <= 390"
 def root(tmp_path_factory, walk):
     """Give a folder with recordings: whole ones, one with a broken calibration, and an empty folder."""
     top = tmp_path_factory.mktemp("app") / "recordings"
-    for name in ("walk", "second", "third", "fourth", "broken"):
+    for name in ("walk", "second", "third", "broken"):
         (top / name).mkdir(parents=True)
         walk(top / name)
     (top / "broken" / "Calib.toml").write_text("[cam_0]\nmatrix = [[1, 2", encoding="utf-8")
@@ -34,12 +41,37 @@ def root(tmp_path_factory, walk):
     return top
 
 
+def film(folder):
+    """Write a walk as dots on videos of four cameras, with their calibration; return the pose (T, 17, 3)."""
+    cv2 = pytest.importorskip("cv2")
+    rig, pose = synthetic.human36m_like(distortion=False), synthetic.motion("walk", 6, seed=3)
+    (folder / "videos").mkdir(parents=True)
+    write_calibration(folder / "Calib.toml", rig)
+    for name, camera, pixels in zip(rig.names, rig, np.rint(sk.project(pose, rig)).astype(int), strict=True):
+        video = cv2.VideoWriter(
+            str(folder / f"videos/{name}.avi"), cv2.VideoWriter_fourcc(*"FFV1"), 25.0, camera.size
+        )
+        for joints in pixels:
+            image = np.zeros((*camera.size[::-1], 3), np.uint8)
+            for dot, place in enumerate(joints):
+                cv2.circle(image, place.tolist(), 2, (rtmlib.grey(dot),) * 3, -1)
+            video.write(image)
+        video.release()
+    return pose
+
+
 @pytest.fixture(scope="module")
 def server(root):
-    """Start the command, and give its address and port."""
+    """Start the command with a detector of dots, and give its address and port."""
     program = "import sys; sys.argv[0] = 'skelsplat'; from skelsplat.cli import main; main()"
     command = [sys.executable, "-c", program, "app", str(root), "--no-browser"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=root.parent) as process:
+    paths = os.pathsep.join([str(Path(rtmlib.__file__).parents[1]), *filter(None, sys.path)])
+    given = {
+        "text": True,
+        "cwd": root.parent,
+        "env": {**os.environ, "PYTHONPATH": paths, "DOTS": str(root.parent)},
+    }
+    with subprocess.Popen(command, stdout=subprocess.PIPE, **given) as process:
         address = re.search(r"http://127\.0\.0\.1:(\d+)/\?key=(\S+)", process.stdout.readline())
         port, key = int(address[1]), address[2]
         yield SimpleNamespace(address=address[0], port=port, cookie=f"skelsplat-{port}={key}")
@@ -105,37 +137,70 @@ def settle(page, press=press):
     page.get_by_text("frame rate is not known").wait_for(state="detached")
 
 
-def test_from_keypoints_to_files_then_again_while_another_recording_is_cancelled(visit, root):
-    page = visit()
+def start_and_cancel_without_a_mouse(page):
+    """Find the walk, answer what it lacks, start, and cancel."""
     page.get_by_role("link", name="walk", exact=True).focus()
     enter(page)
-    settle(page)
-    press(page, "Find the pose")
-    page.get_by_role("heading", name="3 · Result").wait_for()
-    assert "skelsplat refine Calib.toml openpose -o out --layout h36m17 --fps 50" in page.inner_text("main")
-    assert "Job('Calib.toml', 'openpose'" in page.inner_text("main")
+    settle(page, type_enter)
+    for _ in range(60):
+        page.keyboard.press("Tab")
+        if "Find the pose" in page.evaluate("document.activeElement.innerText || ''"):
+            break
+    page.keyboard.press("Enter")
+    page.get_by_role("progressbar").wait_for()
+    page.wait_for_function("document.activeElement.innerText === 'Cancel'")
+    page.keyboard.press("Enter")
+    page.get_by_text("Cancelled").wait_for()
+    page.wait_for_function("document.activeElement.innerText === 'Find the pose'")
+
+
+def take_everything(page, root):
+    """Take a file, and all in one; return the poses."""
     with page.expect_download() as taken:
         page.get_by_role("link", name="pose.trc").click()
-    poses = read_pose(taken.value.path().rename(root / "taken.trc"))
-    assert len(poses.frames) == 5
+    assert len(read_pose(taken.value.path().rename(root / "taken.trc")).frames) == 6
     with page.expect_download() as taken:
         press(page, "Everything in one zip file")
     with zipfile.ZipFile(taken.value.path()) as packed:
         assert packed.testzip() is None
         assert {"pose.trc", "report.json", "report.html"} <= {*packed.namelist()}
+        packed.extract("pose.npz", root)
+    return read_pose(root / "pose.npz").pose
+
+
+def test_from_videos_to_files_interrupted_and_again_while_another_recording_is_cancelled(visit, root):
+    pose, seen = film(root / "filmed"), root.parent / "seen"
+    page = visit("/recording?at=filmed")
+    press(page, "Find people in the videos")
+    page.get_by_text(re.compile(r": \d+ of 24 frames")).wait_for()  # of all cameras
+    start_and_cancel_without_a_mouse(visit())  # at the same time
+    assert not (root / "walk/out").exists()
+    while not seen.exists() or seen.stat().st_size < rtmlib.STOP_AT:
+        time.sleep(0.05)
+    press(page, "Cancel")
+    page.get_by_text("Cancelled").wait_for()
+    (root.parent / "go").touch()
+    page.get_by_text("People were found in a part of the frames only").wait_for()
+    press(page, "Find people in the videos")
+    page.get_by_text("People were found in a part").wait_for(state="detached")
+    assert (
+        seen.stat().st_size == 24 + 1
+    )  # what is done is not done again, but for the image at the interruption
+    press(page, "Find the pose")
+    page.get_by_role("heading", name="3 · Result").wait_for()
+    assert "skelsplat refine Calib.toml pose -o out" in page.inner_text("main")
+    assert "Job('Calib.toml', 'pose'" in page.inner_text("main")
+    assert np.abs(take_everything(page, root) - pose[:, rtmlib.DOTS]).max() < 30.0  # mm
     assert page.frame_locator("iframe").locator("#view").count() == 1
-    another = visit("/recording?at=second")  # at the same time, and cancelled
-    settle(another)
+    assert page.get_by_role("button", name="Draw it on the videos").is_enabled()
+    page.evaluate("document.querySelector('iframe').was = 1")
+    page.get_by_label("Frame rate").first.fill("50")
+    page.get_by_text("--fps 50").first.wait_for()
+    assert page.evaluate("document.querySelector('iframe').was") == 1  # it keeps its place
     press(page, "bvh")
-    press(another, "Find the pose")
-    for one in (page, another):
-        one.get_by_role("progressbar").wait_for()
-    press(another, "Cancel")
-    another.get_by_text("Cancelled.").wait_for()
     page.get_by_role("link", name="pose.bvh").wait_for()
-    assert (root / "walk/out/pose.bvh").is_file()
-    assert (root / "walk/out/pose.trc").is_file()
-    assert not (root / "second/out").exists()
+    assert (root / "filmed/out/pose.bvh").is_file()
+    assert (root / "filmed/out/pose.trc").is_file()
 
 
 def test_what_is_wrong_is_said_in_one_line_with_what_to_do(visit):
@@ -150,23 +215,6 @@ def test_what_is_wrong_is_said_in_one_line_with_what_to_do(visit):
     assert page.get_by_role("button", name="Find the pose").is_disabled()
     page.get_by_label("Frame rate").first.fill("50")
     page.get_by_text("--fps 50").first.wait_for()
-
-
-def test_without_a_mouse(visit):
-    page = visit()
-    page.get_by_role("link", name="fourth", exact=True).focus()
-    enter(page)
-    settle(page, type_enter)
-    for _ in range(60):
-        page.keyboard.press("Tab")
-        if "Find the pose" in page.evaluate("document.activeElement.innerText || ''"):
-            break
-    page.keyboard.press("Enter")
-    page.get_by_role("progressbar").wait_for()
-    page.wait_for_function("document.activeElement.innerText === 'Cancel'")
-    page.keyboard.press("Enter")
-    page.get_by_text("Cancelled.").wait_for()
-    page.wait_for_function("document.activeElement.innerText === 'Find the pose'")
 
 
 def test_a_narrow_screen_scrolls_only_down(visit):

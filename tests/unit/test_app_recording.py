@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import shlex
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from threading import Event
@@ -12,14 +13,17 @@ import pytest
 
 import skelsplat as sk
 from skelsplat._budget import read_toml
+from skelsplat._optional import pip_words
 from skelsplat.app.places import Place
 from skelsplat.app.recording import Recording
 from skelsplat.app.recordings import Recordings
 from skelsplat.cli.batch import job_of, sessions_of
-from skelsplat.cli.process import CANCELLED, Work
+from skelsplat.cli.of_found import lines_of
+from skelsplat.cli.process import CANCELLED, Bar, Work
 from skelsplat.cli.rows import texts_in, texts_of, typed
 from skelsplat.cli.settings import OPTIONS, are_wrong, put, worded, wrong
 from skelsplat.exceptions import InvalidInputError
+from skelsplat.findings import Remedy
 from skelsplat.run import Job
 from skelsplat.run.compared import compared, findings_of, open_run
 from skelsplat.run.found import Found, Lack
@@ -57,15 +61,16 @@ def test_a_command_of_a_recording(recording):
     assert recording.words("refine") == ["refine", "Calib.toml", "pose", "-o", "out", *WORDS]
     assert recording.words("calibrate")[:4] == ["calibrate", "pose", "-o", "Calib-from-people.toml"]
     assert recording.words("calibrate")[-2:] == ["--fps", "60"]
-    assert shlex.join(["skelsplat", *recording.words("refine")]) in recording.lines()["the commands"]
-    assert "fps=60.0" in recording.lines()["the Python lines"]
+    assert (
+        shlex.join(["skelsplat", *recording.words("refine")])
+        in lines_of(recording.found, recording.given, [])["the commands"]
+    )
+    assert "fps=60.0" in lines_of(recording.found, recording.given, [])["the Python lines"]
 
 
 def test_the_detector_that_is_installed_is_used(recording, monkeypatch):
     for installed, words in (("mediapipe", []), ("rtmlib", ["--backend", "rtmlib"])):
-        monkeypatch.setattr(
-            "skelsplat.app.recording.find_spec", lambda name, it=installed: name == it or None
-        )
+        monkeypatch.setattr("skelsplat.cli.of_found.find_spec", lambda name, it=installed: name == it or None)
         assert recording.words("detect")[4:] == words
 
 
@@ -77,15 +82,16 @@ def test_a_path_that_leads_out_is_refused(recording):
 
 def test_what_a_cancelled_command_left_behind_is_said(tmp_path):
     work = Work(["refine"], tmp_path, messages=["warning: x", "interrupted; out is unfinished: run it again"])
-    assert work.left == "Out is unfinished: run it again."
+    work.state = CANCELLED
+    assert work.words_of_end == "Cancelled; out is unfinished: run it again."
 
 
 def test_a_remedy_that_was_cancelled_leaves_the_settings(recording, monkeypatch):
     monkeypatch.setattr(Recording, "look", lambda _: None)
     started = []
-    monkeypatch.setattr(Recording, "start", lambda _, command: started.append(command))
+    monkeypatch.setattr(Work, "start", lambda work: started.append(work.words[0]))
     recording.given["refine"], recording.result = {"fps": "60"}, object()
-    recording.try_remedy(next(row for row in ROWS if row.name == "without"), "cam1")
+    recording.try_remedy(next(row for row in ROWS if row.name == "without"), Remedy("without", "cam1"))
     assert recording.given["refine"] == {"fps": "60", "without": ["cam1"]}
     work = Work(["refine"], recording.folder)
     work.state = CANCELLED
@@ -93,9 +99,36 @@ def test_a_remedy_that_was_cancelled_leaves_the_settings(recording, monkeypatch)
     assert (recording.given["refine"], recording.before, started) == ({"fps": "60"}, None, ["refine"])
 
 
+def test_a_remedy_of_several_is_compared_until_an_ordinary_run(recording, monkeypatch):
+    monkeypatch.setattr(Work, "start", lambda work: work)
+    monkeypatch.setattr(Recording, "running", False)
+    recording.given["refine"], recording.result = {"move": ["cam1"]}, object()
+    recording.try_remedy(next(row for row in ROWS if row.name == "move"), Remedy("move", ["cam2", "cam3"]))
+    assert recording.words("refine")[-6:] == ["--move", "cam1", "--move", "cam2", "--move", "cam3"]
+    assert recording.before[1:] == ("Move cam2, cam3", {"move": ["cam1"]})
+    for command, compared_with in (("overlay", True), ("refine", False)):
+        recording.start(command)
+        assert (recording.before is not None) == compared_with
+
+
+def test_time_is_left_of_all_cameras_and_of_what_is_new():
+    bar = Bar().after("cam1", 6, 10).after("cam2", 0, 10)
+    assert (bar.done, bar.total, bar.begun) == (6, 20, 6)
+    later = replace(bar.after("cam1", 8, 10), since=bar.since - 4.0)  # 2 in 4 s, 12 are left
+    assert later.seconds_left == pytest.approx(24.0, abs=1.0)
+
+
+def test_what_an_extra_adds_is_installed_with_this_python(recording):
+    work = Work(pip_words("rtmlib"), recording.folder)
+    assert f"{shlex.quote(sys.executable)} -m pip install" in work.command
+    assert "rtmlib" in work.command
+
+
 def test_nothing_is_to_be_typed_before_all_is_there(recording):
     recording.found = Found(recording.folder, detections="pose", lacks=(Lack("none", "calibrate"),))
-    assert recording.lines() == {"the commands": f"cd {shlex.quote(str(recording.folder))}"}
+    assert lines_of(recording.found, recording.given, []) == {
+        "the commands": f"cd {shlex.quote(str(recording.folder))}"
+    }
 
 
 @pytest.mark.parametrize(
@@ -186,7 +219,7 @@ def test_two_tabs_that_open_a_recording_look_once(recording, monkeypatch):
 
 def test_a_setting_that_is_wrong_is_named(recording):
     recording.given["refine"] = {"fps": "fast"}
-    assert "# --fps: " in recording.lines()["the commands"]
+    assert "# --fps: " in lines_of(recording.found, recording.given, [])["the commands"]
     with pytest.raises(InvalidInputError, match="--fps"):
         recording.look()
 
@@ -211,7 +244,8 @@ def test_the_lines_of_python_make_the_same_job(options):
 
 def test_a_file_of_sessions_has_what_all_share(tmp_path):
     path = tmp_path / "sessions.toml"
-    path.write_text(sessions_of({'a "b"': ("Calib.toml", "pose", "out")}, GIVEN), encoding="utf-8")
+    found = Found(tmp_path / 'a "b"', calibration="Calib.toml", detections="pose")
+    path.write_text(sessions_of(tmp_path, [found], GIVEN), encoding="utf-8")
     document = read_toml(path)
     assert document["defaults"]["adjust-cameras"] is True
     assert document["defaults"]["offset"] == ["cam1=-2"]

@@ -184,8 +184,8 @@ def test_a_finding_begins_with_its_severity(capsys):
         ("refine", Remedy("adjust_cameras"), "--adjust-cameras"),
         ("check-cameras", Remedy("adjust_cameras"), "skelsplat refine --adjust-cameras"),
         ("check-cameras", Remedy("without", "c"), "--without c"),
-        ("adjust-cameras", Remedy("move", "NAME"), "--move NAME"),
-        ("refine", Remedy("move", "NAME"), "skelsplat adjust-cameras --move NAME"),
+        ("refine", Remedy("move", ["a b", "c"]), "--move 'a b' --move c"),
+        ("check-cameras", Remedy("move", "c"), "skelsplat adjust-cameras --move c"),
     ],
 )
 def test_a_remedy_that_another_command_has_names_it(command, remedy, words, capsys):

@@ -127,7 +127,9 @@ def test_the_worst_camera_is_first_and_rivals_are_named():
     assert found == [1, 2, 0]
     (finding,) = find_displaced(rig.names, shifts, found)
     assert finding.subject.cameras == ("cam2",)
-    assert finding.remedy == (Remedy("without", "cam2"),)
+    assert finding.remedy == (Remedy("adjust_cameras"), Remedy("without", "cam2"))
+    (again,) = find_displaced(rig.names, shifts, found, adjusted=True)
+    assert again.remedy == (Remedy("without", "cam2"),)
     others = {one["camera"]: one["may_be_the_cause"] for one in finding.numbers["also_displaced"]}
     assert others == {"cam3": True, "cam1": False}
     (finding,) = find_displaced(rig.names, shifts, found, {"cam2"})

@@ -44,8 +44,8 @@ def test_what_files_do_not_state_is_asked_for_with_values(folder):
 def test_without_a_calibration_cameras_can_be_found(folder):
     (folder / "Calib.toml").unlink()
     found = look(folder, GIVEN)
-    assert lacks(found) == [("image_size", False), ("calibrate", False)]
-    assert lacks(look(folder, {**GIVEN, "image_size": "1088x1920"})) == [("calibrate", False)]
+    assert lacks(found) == [("size", False), ("calibrate", False)]
+    assert lacks(look(folder, {**GIVEN, "size": (1088, 1920)})) == [("calibrate", False)]
     assert not found.ready
 
 
@@ -100,10 +100,22 @@ def test_a_folder_of_several_recordings_is_none_itself(folder, tmp_path):
     assert kind_of(top) == "recording"
 
 
+def test_cameras_without_keypoints_can_be_left_out(folder):
+    for name in ("cam01", "cam02"):
+        shutil.rmtree(folder / "openpose" / f"{name}_json")
+    (lack,) = look(folder, {**GIVEN, "fps": 50.0}).lacks
+    assert (lack.setting, lack.values) == ("without", {"cam_01,cam_02": "Without cam_01, cam_02"})
+    assert look(folder, {**GIVEN, "fps": 50.0, "without": ("cam_01", "cam_02")}).ready
+
+
 def test_folders_with_videos_each_are_several_recordings(tmp_path):
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "cam1.mp4").write_bytes(b"none")
+    assert (kind_of(tmp_path), kind_of(tmp_path / "a"), look(tmp_path, {}).inside) == ("", "", ())
+    assert "one video in each of a, b" in look(tmp_path, {}).lacks[0].text  # of one camera each
+    for name in ("a", "b"):
+        (tmp_path / name / "cam2.mp4").write_bytes(b"none")
     assert kind_of(tmp_path) == "recordings"
     assert look(tmp_path, {}).inside == ("a", "b")
 

@@ -143,7 +143,9 @@ def test_a_later_run_removes_what_an_earlier_one_wrote(recording, tmp_path):
     assert {path.name for path in out.iterdir()} == names
     assert [path.name for path in (out / "person_1").iterdir()] == ["notes.txt"]
     assert not (out / "person_0" / "pose.csv").exists()
-    run(job(recording, people=None, output=out, html=False))
+    later = run(job(recording, people=None, output=out, html=False))
+    (gone,) = (one for one in later.findings if one.kind == "earlier_removed")
+    assert gone.subject.files == ("person_0",)
     assert {path.name for path in out.iterdir()} == RESULTS - {"report.html"} | {"person_1", "person_7"}
     several.write(out, (), html=False)
     names = {"person_0", "person_1", "person_7", "overview.png", "report.json"}

@@ -12,13 +12,14 @@ from nicegui import ui
 
 from skelsplat.app.parts import head
 from skelsplat.cli.rows import Option
-from skelsplat.cli.settings import OPTIONS, SHARED, worded, wrong
+from skelsplat.cli.settings import OPTIONS, SHARED, from_field, help_of, wrong
 
 _MAIN = {
     "refine": ("people", "person", "unit", "layout", "fps", "adjust_cameras", "write", "angles", "opensim"),
     "calibrate": ("stature",),
 }
 _NOT_MORE = {**_MAIN, "calibrate": (*_MAIN["calibrate"], *SHARED)}
+_OF_CAMERAS = ("without", "move", "cameras")
 _FREE = ("layout", "person", "people")  # choices among which another text can be typed
 
 
@@ -34,9 +35,8 @@ class Form:
         """Show the settings that matter, of some commands."""
         with ui.element("div").classes("s-fields"):
             for command in commands:
-                rows = {row.name: row for row in OPTIONS[command]}
                 for name in _MAIN.get(command, ()):
-                    self.field(command, rows[name])
+                    self.field(command, next(row for row in OPTIONS[command] if row.name == name))
 
     def more(self, commands: Sequence[str]) -> None:
         """Show all others, by command and part of its help; closed, which of them are set."""
@@ -55,7 +55,7 @@ class Form:
         """Show a setting with its sentence."""
         given, change = self.given.get(command, {}), partial(self._changed, command, row)
         value = given.get(row.name)
-        choices = self.cameras if row.name == "without" else row.choices
+        choices = self.cameras if row.name in _OF_CAMERAS else row.choices
         several = row.many or row.name == "write"
         with ui.element("div").classes("s-field").props(f'data-setting="{command}.{row.name}"'):
             if row.kind is bool:
@@ -75,16 +75,9 @@ class Form:
                 hint, own = row.usual or row.metavar, [*choices]
                 made = ui.input(row.title, value=text, placeholder=hint, on_change=change, autocomplete=own)
                 made.props("outlined dense stack-label hide-bottom-space debounce=300")
-                made.validation = lambda text: wrong(command, row, _value(row, text), given) or None
+                made.validation = lambda text: wrong(command, row, from_field(row, text), given) or None
                 made.validate()
-            ui.label(worded(row.help)).classes("s-help")
+            ui.label(help_of(row)).classes("s-help")
 
     def _changed(self, command: str, row: Option, event: Any) -> object:
-        return self.change(command, row.name, _value(row, event.value))
-
-
-def _value(row: Option, value: Any) -> Any:
-    """Return the text of a setting, or the list of a repeatable one, from what its field has."""
-    if not isinstance(value, str):
-        return ",".join(value) if row.name == "write" else value
-    return [one for part in value.split(",") if (one := part.strip())] if row.many else value.strip()
+        return self.change(command, row.name, from_field(row, event.value))

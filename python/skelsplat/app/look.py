@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from nicegui import ui
@@ -14,7 +14,7 @@ from skelsplat.app.recording import Recording
 from skelsplat.cli.options import option_of
 from skelsplat.cli.rows import Option
 from skelsplat.cli.settings import put
-from skelsplat.findings import Finding
+from skelsplat.findings import Finding, Remedy
 from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.run.compared import AnyRun, compared, findings_of, numbers_of
 from skelsplat.run.files import files_of, size_of
@@ -37,24 +37,37 @@ class ResultParts:
         folder = self.recording.place.relative(self.recording.output)
         return address(f"/run/{name}", folder=folder, **more)
 
+    @property
+    def pictured(self) -> object:
+        """What tells whether there are other pictures."""
+        result = self.recording.result
+        return result and (result.report["run"], self.recording.drawn)
+
     @ui.refreshable_method
     def look(self) -> None:
-        """Show the result."""
+        """Show the numbers and findings."""
         result = self.recording.result
         if result is None:
             return
-        with section("3 · Result"):
-            if self.recording.before is not None and not self.recording.running:
-                self._compare(result, *self.recording.before[:2])
-            facts(numbers_of(result))
-            found = findings_of(result)
-            for of, one in found[:_FEW]:
-                self._finding(of, one)
-            if len(found) > _FEW:
-                with ui.expansion(f"{len(found) - _FEW} more").classes("w-full s-more"):
-                    for of, one in found[_FEW:]:
-                        self._finding(of, one)
-            self._pictures(result)
+        html("<h2>3 · Result</h2>")
+        if self.recording.before is not None and not self.recording.running:
+            self._compare(result, *self.recording.before[:2])
+        facts(numbers_of(result))
+        found = findings_of(result)
+        for of, one in found[:_FEW]:
+            self._finding(of, one)
+        if len(found) > _FEW:
+            with ui.expansion(f"{len(found) - _FEW} more").classes("w-full s-more"):
+                for of, one in found[_FEW:]:
+                    self._finding(of, one)
+        if not all(self.recording.drawn.values()):
+            note("note", _OUTDATED)
+        with ui.element("div").classes("s-row"):
+            for name in (name for name, *_ in files_of(self.recording.output) if name.endswith(PAGE)):
+                ui.link(f"Open {name} alone", self.address(name), new_tab=True)
+            draw = "Draw it on the videos" if self.recording.found.videos else "Draw what each camera sees"
+            free = not self.recording.running
+            button(draw, lambda: self.press(self.recording.start, "overlay"), enabled=free)
 
     def _finding(self, of: str, finding: Finding) -> None:
         """Show a finding, and a button for each of its remedies."""
@@ -62,9 +75,9 @@ class ResultParts:
             for remedy in finding.remedy:
                 row = option_of(remedy)
                 if row is not None:
-                    self._remedy(row, remedy.value)
+                    self._remedy(row, remedy)
 
-    def _remedy(self, row: Option, value: Any) -> None:
+    def _remedy(self, row: Option, remedy: Remedy) -> None:
         """Show a button that tries a remedy; where the user chooses the value, after asking for it."""
         recording, chosen = self.recording, dict[str, Any]()
 
@@ -75,31 +88,32 @@ class ResultParts:
 
                 async def go() -> None:
                     dialog.close()
-                    text = chosen.get(row.name)
-                    for one in text if isinstance(text, list) else filter(None, [text]):
-                        await self.press(recording.try_remedy, row, one)
+                    if row.name in chosen:
+                        await self.press(recording.try_remedy, row, replace(remedy, value=chosen[row.name]))
 
                 with ui.element("div").classes("s-row"):
                     button("Try it", go, first=True)
                     button("Close", dialog.close)
 
-        asks = value is None and row.kind is not bool
-        words = f"Try: {row.title}{' …' if asks else '' if value in (None, True) else f' {value}'}"
-        given = True if value is None else value
-        action = ask if asks else lambda: self.press(recording.try_remedy, row, given)
-        button(words, action).set_enabled(not recording.running)
+        asks = remedy.value is None and row.kind is not bool
+        words = f"Try: {row.title} {'…' if asks else ', '.join(remedy.texts)}".rstrip()
+        action = ask if asks else lambda: self.press(recording.try_remedy, row, remedy)
+        button(words, action, enabled=not recording.running)
 
     def _compare(self, result: AnyRun, before: AnyRun, what: str) -> None:
         """Show a remedy's result and that before it, to be kept or taken back."""
         head(f"{what}: before and after")
         table(("", "Before", "After"), compared(before, result))
-
         with ui.element("div").classes("s-row"):
             button("Keep it", lambda: self.press(self.recording.keep), first=True)
             button("Go back", lambda: self.press(self.recording.go_back))
 
-    def _pictures(self, result: AnyRun) -> None:
+    @ui.refreshable_method
+    def pictures(self) -> None:
         """Show the report, and the videos beside it."""
+        result = self.recording.result
+        if result is None:
+            return
         folder, version = self.recording.output, str(result.report["run"])
         videos = [name for name, now in self.recording.drawn.items() if now]
         has_page = (folder / PAGE).is_file()
@@ -109,14 +123,6 @@ class ResultParts:
                 html(f"<iframe title='Report with the pose in 3D' src='{source}'></iframe>")
             if videos:
                 self._videos(result, videos)
-        if len(videos) < len(self.recording.drawn):
-            note("note", _OUTDATED)
-        with ui.element("div").classes("s-row"):
-            for name in (name for name, *_ in files_of(folder) if name.endswith(PAGE)):
-                ui.link(f"Open {name} alone", self.address(name), new_tab=True)
-            draw = "Draw it on the videos" if self.recording.found.videos else "Draw what each camera sees"
-            start = button(draw, lambda: self.press(self.recording.start, "overlay"))
-            start.set_enabled(not self.recording.running)
 
     def _videos(self, result: AnyRun, names: list[str]) -> None:
         """Show a video with a choice of cameras; page.js switches it, and makes the report follow."""

@@ -10,8 +10,8 @@ from typing import Any
 
 from nicegui import run, ui
 
+from skelsplat.app import parts
 from skelsplat.app.forms import Form
-from skelsplat.app.parts import address, attempt, button, html, note, progress, section, shown, table
 from skelsplat.app.places import Place
 from skelsplat.app.recording_page import RecordingPage
 from skelsplat.app.recordings import Recordings
@@ -56,10 +56,10 @@ async def _show(place: Place, at: str, look: Callable[[Path], Any], show: Callab
             with ui.element("nav").classes("s-crumbs").props('aria-label="Folders"'):
                 for one in reversed([folder, *folder.parents]):
                     if one.is_relative_to(place.root):
-                        ui.link(one.name or str(one), address("/", at=place.relative(one)))
+                        ui.link(one.name or str(one), parts.address("/", at=place.relative(one)))
         header.move(target_index=0)
         with main:
-            html(f"<h1 class='s-title'>{shown(folder.name or folder)}</h1>")
+            parts.html(f"<h1 class='s-title'>{parts.shown(folder.name or folder)}</h1>")
             waiting = ui.label("Looking at the folder …").props("role=status").classes("s-dim")
             client = ui.context.client
             await client.connected()  # long recordings take their time
@@ -70,31 +70,36 @@ async def _show(place: Place, at: str, look: Callable[[Path], Any], show: Callab
     except (SkelSplatError, OSError) as error:
         main.clear()
         with main:
-            note("error", str(error))
+            parts.note("error", str(error))
             ui.link("Back to the first folder", "/")
 
 
 def _folder(recordings: Recordings, folder: Path, kinds: Mapping[Path, str]) -> None:
     """Show a folder: those in it, which of them hold recordings, and how to refine these together."""
     place = recordings.place
-    folders = place.folders(folder)
-    inside = [one for one in folders if kinds.get(one) == RECORDING]
-    with section("Choose the folder of a recording"):
+    inside = [one for one in kinds if kinds[one] == RECORDING]
+
+    @ui.refreshable
+    def rows() -> None:
+        for one in place.folders(folder):
+            to = parts.address("/recording" if one in inside else "/", at=place.relative(one))
+            with ui.element("div").classes("s-folder"):
+                ui.link(one.name, to)
+                results = "has results" if is_run(one / output_of(one)) else ""
+                for badge in filter(None, (kinds.get(one), results)):
+                    ui.label(badge).classes("s-badge")
+
+    with parts.section("Choose the folder of a recording"):
         ui.label(_WHAT).classes("s-dim")
-        here = address("/recording", at=place.relative(folder))
-        button("Use this folder", lambda: ui.navigate.to(here), first=not inside).classes("self-start")
+        here = parts.address("/recording", at=place.relative(folder))
+        parts.button("Use this folder", lambda: ui.navigate.to(here), first=not inside).classes("self-start")
         path = ui.input("Path of the folder", value=str(folder)).props("outlined dense").classes("w-full")
-        path.on("keydown.enter", lambda: ui.navigate.to(address("/", at=path.value or "")))
+        path.on("keydown.enter", lambda: ui.navigate.to(parts.address("/", at=path.value or "")))
         with ui.element("div").classes("s-folders"):
-            for one in folders:
-                with ui.element("div").classes("s-folder"):
-                    ui.link(one.name, address("/recording" if one in inside else "/", at=place.relative(one)))
-                    results = "has results" if is_run(one / output_of(one)) else ""
-                    for badge in filter(None, (kinds.get(one), results)):
-                        ui.label(badge).classes("s-badge")
+            rows()
     if len(inside) > 1:
-        with section("Several recordings at once"):
-            _Together(recordings, folder, inside).show()
+        with parts.section("Several recordings at once"):
+            _Together(recordings, folder, inside, rows.refresh).show()
 
 
 @dataclass(eq=False)
@@ -104,6 +109,7 @@ class _Together:
     recordings: Recordings
     folder: Path
     inside: Sequence[Path]
+    ended: Callable[[], object]
     problem: str = ""
 
     def show(self) -> None:
@@ -112,32 +118,54 @@ class _Together:
         with ui.element("div").classes("s-row"):
             self.boxes = [ui.checkbox(one.name, value=True) for one in self.inside]
         self.given = self.recordings.given.setdefault(self.folder, {})
+        self.settings()
+        self.action()
+
+    @ui.refreshable_method
+    def settings(self) -> None:
+        """Show the settings."""
         with ui.expansion("Settings").classes("w-full"):
             form = Form({"refine": self.given}, self._set)
             form.main(["refine"])
             form.more(["refine"])
-        self.action()
 
     def _set(self, _: str, name: str, value: Any) -> None:
         put(self.given, name, value)
         self.action.refresh()
 
+    async def _choose(self, setting: str, value: str) -> None:
+        put(self.given, setting, value)
+        self.settings.refresh()
+        await self._start()
+
     async def _start(self) -> None:
         chosen = [one for one, box in zip(self.inside, self.boxes, strict=True) if box.value]
-        self.problem = await attempt(self.recordings.batch, self.folder, chosen)
+        self.problem = await parts.attempt(self.recordings.batch, self.folder, chosen)
         self.action.refresh()
+
+    def _link(self, name: str) -> tuple[str, str]:
+        return name, parts.address("/recording", at=self.recordings.place.relative(self.folder / name))
+
+    def _ended(self) -> None:
+        self.action.refresh()
+        self.ended()
 
     @ui.refreshable_method
     def action(self) -> None:
         """Show what is being done, or became of the recordings, and the button that begins."""
         if self.problem:
-            note("error", self.problem)
+            parts.note("error", self.problem)
+        lack = self.recordings.lacks.get(self.folder)
+        if lack is not None:
+            with parts.note("lack", lack.text), ui.element("div").classes("s-row"):
+                parts.choices(lack, self._choose)
         work = self.recordings.batches.get(self.folder)
         if work is not None:
-            progress(work, work.cancel, self.action.refresh)
+            parts.progress(work, self._ended)
             if work.state == DONE:
                 rows = [row for one in work.document["recordings"] for row in one["rows"]]
                 names = ("recording", "status", "frames", "findings", "error")
-                table([name.capitalize() for name in names], [[row[name] for name in names] for row in rows])
-        start = button("Refine the chosen recordings", self._start, first=True).classes("self-start")
+                cells = [[self._link(row["recording"]), *(row[name] for name in names[1:])] for row in rows]
+                parts.table([name.capitalize() for name in names], cells)
+        start = parts.button("Refine the chosen recordings", self._start, first=True).classes("self-start")
         start.set_enabled((work is None or work.state != RUNNING) and not are_wrong("refine", self.given))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from html import escape
 from typing import Any
 from urllib.parse import quote, urlencode
@@ -13,6 +14,7 @@ from skelsplat._escape import escaped
 from skelsplat.cli.process import CANCELLED, FAILED, RUNNING, Work
 from skelsplat.cli.settings import worded
 from skelsplat.exceptions import SkelSplatError
+from skelsplat.run.found import Lack
 
 _EVERY_S = 0.25
 
@@ -64,19 +66,24 @@ def facts(named: Mapping[str, str]) -> None:
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
-    """Show a table; None is a dash."""
+    """Show a table; None is a dash, a text with an address a link."""
+
+    def shown_in(cell: object) -> str:
+        if isinstance(cell, tuple):
+            return f"<a href='{escape(cell[1])}'>{shown(cell[0])}</a>"
+        return "–" if cell is None else shown(cell)
 
     def row(cells: Sequence[object], kind: str) -> str:
-        texts = ("–" if cell is None else shown(cell) for cell in cells)
-        return f"<tr>{''.join(f'<{kind}>{text}</{kind}>' for text in texts)}</tr>"
+        return f"<tr>{''.join(f'<{kind}>{shown_in(cell)}</{kind}>' for cell in cells)}</tr>"
 
     body = "".join(row(cells, "td") for cells in rows)
     html(f"<table class='s-table'>{row(heads, 'th')}{body}</table>").classes("s-wide")
 
 
-def button(text: str, action: Callable[..., Any], *, first: bool = False) -> ui.button:
+def button(text: str, action: Callable[..., Any], *, first: bool = False, enabled: bool = True) -> ui.button:
     """Show a button; the ``first`` is that which most people press next."""
     made = ui.button(text, on_click=action).props("no-caps color=primary")
+    made.set_enabled(enabled)
     return made.props("unelevated" if first else "outline")
 
 
@@ -93,6 +100,12 @@ def code(text: str, name: str) -> None:
         made.props(f'flat dense round size=sm aria-label="Copy {name}"')
 
 
+def choices(lack: Lack, choose: Callable[[str, str], Any]) -> None:
+    """Show a button for each value that helps against a lack."""
+    for value, text in lack.values.items():
+        button(text, partial(choose, lack.setting, value))
+
+
 async def attempt(action: Callable[..., object], *given: object) -> str:
     """Do what a button is for, and return what was wrong, if anything was."""
     try:
@@ -102,18 +115,17 @@ async def attempt(action: Callable[..., object], *given: object) -> str:
     return ""
 
 
-def progress(work: Work, cancel: Callable[[], None], ended: Callable[[], object]) -> None:
+def progress(work: Work, ended: Callable[[], object]) -> None:
     """Show a bar with the time left and a button that cancels, and call ``ended`` once; or how it ended."""
-    ended_so = {FAILED: ("error", work.error), CANCELLED: ("note", f"Cancelled. {work.left}")}
-    if work.state in ended_so:
-        note(*ended_so[work.state])
+    if work.state in (FAILED, CANCELLED):
+        note("error" if work.state == FAILED else "note", work.words_of_end)
     if work.state != RUNNING:
         return
     with ui.element("div").classes("s-bar"):
         label = ui.label(work.words_of_bar).props("role=status")
         bar = ui.linear_progress(value=0.0, show_value=False, size="8px")
         bar.props('rounded indeterminate aria-label="Progress"')
-        button("Cancel", cancel).classes("self-start")
+        button("Cancel", work.cancel).classes("self-start")
 
     def tick() -> None:
         if work.state != RUNNING:
@@ -121,7 +133,7 @@ def progress(work: Work, cancel: Callable[[], None], ended: Callable[[], object]
             ended()
             return
         label.set_text(work.words_of_bar)
-        if work.bar is not None and work.bar.share is not None:
+        if work.bar.share is not None:
             bar.props(remove="indeterminate").set_value(round(work.bar.share, 3))
 
     timer = ui.timer(_EVERY_S, tick)

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import shlex
 from dataclasses import dataclass, field
-from importlib.util import find_spec
+from importlib import invalidate_caches
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
+from skelsplat._optional import pip_words
 from skelsplat.app.places import Place
-from skelsplat.cli.batch import job_of
+from skelsplat.cli.of_found import after_calibrate, paths_in, words_of
 from skelsplat.cli.process import DONE, RUNNING, Work
-from skelsplat.cli.rows import NAME_OR_PATH, Option, texts_in, texts_of, typed
-from skelsplat.cli.settings import OPTIONS, SHARED, put, reading_of
-from skelsplat.exceptions import InvalidInputError, SkelSplatError
+from skelsplat.cli.rows import Option, texts_of
+from skelsplat.cli.settings import OPTIONS, put, reading_of
+from skelsplat.exceptions import InvalidInputError
+from skelsplat.findings import Remedy
 from skelsplat.run.compared import AnyRun, open_run
 from skelsplat.run.earlier import options_of
 from skelsplat.run.files import videos_of_run
 from skelsplat.run.found import Found, look, output_of
-
-_CAMERAS, _PAGE_OF_CAMERAS, _KEYPOINTS = "Calib-from-people.toml", "calibration.html", "pose"
 
 
 @dataclass
@@ -59,68 +58,51 @@ class Recording:
         self.version += 1
         return self
 
-    def words(self, command: str) -> list[str]:
-        """Return a command as it is typed, without `skelsplat`; paths are relative to the folder."""
-        found, given, out = self.found, self.given[command], output_of(self.folder)
-        if command == "detect" and find_spec("mediapipe") is None and find_spec("rtmlib") is not None:
-            given = {"backend": "rtmlib", **given}
-        if command == "calibrate":
-            given = {**{name: self.given["refine"].get(name) for name in SHARED}, **given}
-        for row in OPTIONS[command]:
-            if (row.kind is Path or NAME_OR_PATH in row.marks) and given.get(row.name):
-                self.place.inside(given[row.name], self.folder)
-        files = {
-            "detect": (found.videos, "-o", _KEYPOINTS),
-            "calibrate": (found.detections, "-o", _CAMERAS, "--force", "--report", _PAGE_OF_CAMERAS),
-            "refine": (found.calibration, found.detections, "-o", out),
-            "overlay": (out, found.videos or "--plain"),
-        }
-        return [command, *files[command], *typed(OPTIONS[command], given)]
+    def choose(self, setting: str, value: str) -> None:
+        """Take over the value of a setting that something lacks."""
+        put(self.given["refine"], setting, value.split(",") if setting == "without" else value)
+        self.look()
 
-    def lines(self) -> dict[str, str]:
-        """Return the commands that were done and that which refines, and Python that does; by name."""
-        typed_so_far = [f"cd {shlex.quote(str(self.folder))}", *self.done]
-        try:
-            words = self.words("refine") if self.found.ready else []
-            last = [shlex.join(["skelsplat", *words])] if words else []
-            python = job_of(words[1:]).python if words else ""
-        except SkelSplatError as error:
-            last, python = [f"# {error}"], ""
-        found = {"the commands": "\n".join(dict.fromkeys([*typed_so_far, *last])), "the Python lines": python}
-        return {name: text for name, text in found.items() if text}
+    def words(self, command: str) -> list[str]:
+        """Return a command as it is typed, without `skelsplat`; no path in it leads out."""
+        for path in paths_in(self.given):
+            self.place.inside(path, self.folder)
+        return words_of(command, self.found, self.given)
 
     def start(self, command: str) -> None:
-        """Start a command."""
-        if self.running:
-            raise InvalidInputError(f"{command}: expected one command at a time, got a second one")
-        self.work = Work(self.words(command), self.folder, self._ended).start()
-        self.version += 1
+        """Start a command; what it finds is compared with nothing but after a remedy."""
+        self._start(self.words(command), self.before if command == "overlay" else None)
 
-    def cancel(self) -> None:
-        """Cancel what is being done."""
-        if self.work is not None:
-            self.work.cancel()
+    def install(self, extra: str) -> None:
+        """Install what an extra adds."""
+        self._start(pip_words(extra), self.before)
+
+    def _start(self, words: list[str], before: tuple[AnyRun, str, dict[str, Any]] | None) -> None:
+        if self.running:
+            raise InvalidInputError(f"{words[0]}: expected one command at a time, got a second one")
+        self.before = before
+        self.work = Work(words, self.folder, self._ended).start()
+        self.version += 1
 
     def _ended(self, work: Work) -> None:
         """Take over what a command has found, and look again."""
+        invalidate_caches()  # it may have installed something
         if work.state == DONE:
             self.done.append(work.command)
-            for command in work.document.get("refine", ()) if work.words[0] == "calibrate" else ():
+            if work.words[0] == "calibrate":
                 self.given["refine"].pop("unit", None)
-                self.given["refine"] |= {"calibration": _CAMERAS}
-                self.given["refine"] |= texts_in(OPTIONS["refine"], shlex.split(command))
-        elif self.before is not None:  # a remedy that was cancelled, or failed
+                self.given["refine"] |= after_calibrate(work.document["refine"])
+        elif self.before is not None and work.words[0] == "refine":  # a remedy that was cancelled, or failed
             self.given["refine"], self.before = self.before[2], None
         self.look()
 
-    def try_remedy(self, row: Option, value: Any) -> None:
+    def try_remedy(self, row: Option, remedy: Remedy) -> None:
         """Refine with a remedy of a finding, and keep the result before it for comparison."""
         assert self.result is not None
-        settings = self.given["refine"]
-        text, what = (True, row.title) if value is True else (str(value), f"{row.title} {value}")
-        self.before = (self.result, what, dict(settings))
-        put(settings, row.name, [*settings.get(row.name, []), text] if row.many else text)
-        self.start("refine")
+        settings, texts = self.given["refine"], remedy.texts
+        before = (self.result, f"{row.title} {', '.join(texts)}".rstrip(), dict(settings))
+        put(settings, row.name, [*settings.get(row.name, []), *texts] if row.many else (*texts, True)[0])
+        self._start(self.words("refine"), before)
 
     def keep(self) -> None:
         """Keep the result of a remedy."""

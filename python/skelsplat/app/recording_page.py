@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from html import escape
 from importlib.util import find_spec
 from typing import Any
 
 from nicegui import ui
 
-from skelsplat._optional import pip_line
+from skelsplat._optional import pip_words
+from skelsplat.app import parts
 from skelsplat.app.forms import Form
 from skelsplat.app.look import ResultParts
-from skelsplat.app.parts import address, attempt, button, code, facts, html, note, progress, section, table
 from skelsplat.app.recording import Recording
+from skelsplat.cli.of_found import PAGE_OF_CAMERAS, lines_of
+from skelsplat.cli.process import Work
 from skelsplat.cli.settings import OPTIONS, are_wrong, put
 from skelsplat.run.found import Lack
 
@@ -24,11 +27,12 @@ _DROP = (
     "<label><input type=file webkitdirectory><span>a folder</span></label>."
     "<div role=status class='s-small'></div></div>"
 )
-# By command: what its button says, and the packages of which it needs one, with their extras.
+# By command: what its button says, the packages of which it needs one, and the extra that adds one.
 _REMEDIES = {
-    "detect": ("Find people in the videos", {"rtmlib": "rtmlib", "mediapipe": "mediapipe"}),
-    "calibrate": ("Find the cameras from the people", {"cv2": "video"}),
+    "detect": ("Find people in the videos", ("mediapipe", "rtmlib"), "rtmlib"),
+    "calibrate": ("Find the cameras from the people", ("cv2",), "video"),
 }
+_INSTALL = "For this, a package is missing. It can be downloaded into the Python that runs this page, with:"
 # Settings on which it depends what is found.
 _READ_WITH = {row.name for row in OPTIONS["refine"] if row.panel in ("Calibration", "Input")} | {"fps"}
 
@@ -50,9 +54,12 @@ class RecordingPage:
             self.settings()
             with ui.element("div").classes("s-do"):
                 self.action()
-        self.result.look()
+        with ui.element("section").classes("s-part").props('aria-label="3 · Result"'):
+            self.result.look()
+            self.result.pictures()
         self.result.take()
         self.words()
+        self.pictured = self.result.pictured
         ui.on("brought", lambda: self.press(self.recording.look))
         ui.timer(_EVERY_S, lambda: self.refresh(self.recording.version != self.seen))
 
@@ -62,6 +69,9 @@ class RecordingPage:
             return
         self.seen = self.recording.version
         shown: list[Any] = [self.bring, self.action, self.result.look, self.result.take, self.words]
+        if self.pictured != self.result.pictured:  # else the report and the videos stay as they are
+            self.pictured = self.result.pictured
+            shown.append(self.result.pictures)
         if self.given != self.recording.given["refine"] or self.shown == self.recording.found.empty:
             shown.insert(1, self.settings)
         for one in shown:
@@ -69,7 +79,7 @@ class RecordingPage:
 
     async def press(self, action: Callable[..., Any], *given: Any) -> None:
         """Do what a button is for; what is wrong is shown above the button that starts."""
-        self.problem = await attempt(action, *given)
+        self.problem = await parts.attempt(action, *given)
         self.refresh()
 
     async def set(self, command: str, name: str, value: Any) -> None:
@@ -82,47 +92,45 @@ class RecordingPage:
             self.action.refresh()
             self.words.refresh()
 
-    async def choose(self, setting: str, value: str) -> None:
-        """Take over a setting from beside the form."""
-        command, name = ("calibrate", "size") if setting == "image_size" else ("refine", setting)
-        put(self.recording.given[command], name, value)
-        await self.press(self.recording.look)
-
     @ui.refreshable_method
     def bring(self) -> None:
         """Show what was found, what is missing and what helps, and where files can be dropped."""
         found, folder = self.recording.found, self.recording.place.relative(self.recording.folder)
-        with section("1 · Recording"):
+        with parts.section("1 · Recording"):
             if not found.empty:
-                facts(found.facts)
-                table((), list(found.files.items()))
+                parts.facts(found.facts)
+                page = (PAGE_OF_CAMERAS, parts.address(f"/run/{PAGE_OF_CAMERAS}", folder=folder))
+                made = (found.folder / PAGE_OF_CAMERAS).is_file()
+                parts.table((), [*found.files.items(), *[("How the cameras were found", page)] * made])
                 with ui.expansion("Each camera").classes("w-full"):
                     rows = [(one.name, one.frames, one.fps, one.image, one.people) for one in found.cameras]
-                    table(("Camera", "Frames", "Per second", "Image", "People"), rows)
-            several = {"calibration": found.calibrations, "detections": found.keypoints}
-            for name, values in several.items():
+                    parts.table(("Camera", "Frames", "Per second", "Image", "People"), rows)
+            choose = partial(self.press, self.recording.choose)
+            for name, values in (("calibration", found.calibrations), ("detections", found.keypoints)):
                 if len(values) > 1:
                     chosen = ui.select([*values], value=getattr(found, name), label=name.capitalize())
-                    chosen.on_value_change(lambda event, name=name: self.choose(name, event.value))
+                    chosen.on_value_change(lambda event, name=name: choose(name, event.value))
                     chosen.props("outlined dense").classes("w-full")
-            for lack in found.lacks:
+            for lack in [*found.lacks, *found.chosen]:
                 self._lack(lack)
             if found.inside:
-                with note("lack", f"The recordings are in folders of this one: {', '.join(found.inside)}."):
-                    button("Show them", lambda: ui.navigate.to(address("/", at=folder)), first=True)
-            html(_DROP.format(escape(folder, quote=True)))
+                to = parts.address("/", at=folder)
+                with parts.note("lack", f"The recordings are in folders in it: {', '.join(found.inside)}."):
+                    parts.button("Show them", lambda: ui.navigate.to(to), first=True)
+            parts.html(_DROP.format(escape(folder, quote=True)))
 
     def _lack(self, lack: Lack) -> None:
-        words, needed = _REMEDIES.get(lack.command, ("", {}))
-        with note("note" if lack.optional else "lack", lack.text), ui.element("div").classes("s-row"):
-            if needed and not any(find_spec(name) for name in needed):
-                lines = " or ".join(map(pip_line, needed.values()))
-                ui.label(f"{words}: first run {lines}. Then start skelsplat app again.")
-            elif words:
-                start = button(words, lambda: self.press(self.recording.start, lack.command), first=True)
-                start.set_enabled(not self.recording.running)
-            for value, text in lack.values.items():
-                button(text, lambda value=value: self.choose(lack.setting, value))
+        words, needed, extra = _REMEDIES.get(lack.command, ("", (), ""))
+        press = partial(self.press, self.recording.start, lack.command)
+        with parts.note("note" if lack.optional else "lack", lack.text):
+            if needed and not any(map(find_spec, needed)):
+                words, press = f"Install {extra}", partial(self.press, self.recording.install, extra)
+                ui.label(_INSTALL).classes("s-dim")
+                parts.code(Work(pip_words(extra), self.recording.folder).command, "the command")
+            with ui.element("div").classes("s-row"):
+                if words:
+                    parts.button(words, press, first=True, enabled=not self.recording.running)
+                parts.choices(lack, partial(self.press, self.recording.choose))
 
     @ui.refreshable_method
     def settings(self) -> None:
@@ -132,7 +140,7 @@ class RecordingPage:
         if not found.empty:
             stages = {"refine": True, "calibrate": found.detections, "detect": found.videos}
             commands = [command for command, needed in stages.items() if needed]
-            html("<h2>2 · Pose in 3D</h2>")
+            parts.html("<h2>2 · Pose in 3D</h2>")
             form = Form(self.recording.given, self.set, found.names)
             form.main(commands)
             form.more([*commands, "overlay"])
@@ -142,18 +150,18 @@ class RecordingPage:
         """Show what is being done, what was wrong, and the button that starts."""
         recording, found = self.recording, self.recording.found
         if self.problem:
-            note("error", self.problem)
+            parts.note("error", self.problem)
         if recording.work is not None:
-            progress(recording.work, recording.cancel, self.refresh)
+            parts.progress(recording.work, self.refresh)
         if recording.running or found.empty:
             return
         with ui.element("div").classes("s-row"):
             again = " again" if recording.result is not None else ""
-            start = button(f"Find the pose{again}", lambda: self.press(recording.start, "refine"), first=True)
             first = "" if found.ready else "First, what is missing above."
             if are_wrong("refine", recording.given["refine"]):
                 first = "First, the setting that is marked."
-            start.set_enabled(not first)
+            start = partial(self.press, recording.start, "refine")
+            parts.button(f"Find the pose{again}", start, first=True, enabled=not first)
             ui.label(first).classes("s-dim s-small")
 
     @ui.refreshable_method
@@ -162,7 +170,7 @@ class RecordingPage:
         recording = self.recording
         if recording.found.empty:
             return
-        with section("Without this page"):
+        with parts.section("Without this page"):
             ui.label("What was done, and what the button does, as commands and in Python:").classes("s-dim")
-            for name, text in recording.lines().items():
-                code(text, name)
+            for name, text in lines_of(recording.found, recording.given, recording.done).items():
+                parts.code(text, name)

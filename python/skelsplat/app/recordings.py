@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from skelsplat.cli.batch import sessions_of
 from skelsplat.cli.process import RUNNING, Work
 from skelsplat.cli.settings import reading_of
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.run.found import look, output_of
+from skelsplat.run.found import Lack, look
 
 SESSIONS, RESULTS = "skelsplat-sessions.toml", "batch"
 
@@ -26,6 +26,7 @@ class Recordings:
     place: Place
     open: dict[Path, Recording] = field(default_factory=dict)
     batches: dict[Path, Work] = field(default_factory=dict)
+    lacks: dict[Path, Lack] = field(default_factory=dict)  # by folder, of a recording in it
     given: dict[Path, dict[str, Any]] = field(default_factory=dict)  # by folder, settings for all in it
 
     def at(self, folder: Path) -> Recording:
@@ -35,21 +36,18 @@ class Recordings:
             return recording if recording.version else recording.look()
 
     def batch(self, folder: Path, chosen: Sequence[Path]) -> None:
-        """Refine several recordings in a folder, each into a folder of its own."""
+        """Refine recordings in a folder, each into a folder of its own, unless one lacks something."""
         if folder in self.batches and self.batches[folder].state == RUNNING:
             raise InvalidInputError("batch: expected one at a time, got a second one")
         given = self.given.get(folder, {})
         found = [look(one, reading_of({"refine": given}), self.place.root) for one in chosen]
-        for one in found:
-            if not one.ready:
-                lacks = [lack.text for lack in one.lacks] or ["it holds no recording"]
-                raise InvalidInputError(f"{one.folder.name}: {lacks[0]}")
+        self.lacks.pop(folder, None)
+        for one in (one for one in found if not one.ready):
+            lack = next(lack for lack in (*one.lacks, Lack("It holds no recording.")) if not lack.optional)
+            self.lacks[folder] = replace(lack, text=f"{one.folder.name}: {lack.text}")
+            return
         file, _ = self.place.inside(SESSIONS, folder), self.place.inside(RESULTS, folder)
-        files = {
-            path.relative_to(folder).as_posix(): (one.calibration, one.detections, output_of(path))
-            for path, one in zip(chosen, found, strict=True)
-        }
-        atomic_write_text(file, sessions_of(files, given))
+        atomic_write_text(file, sessions_of(folder, found, given))
         work = Work(["batch", SESSIONS, "-o", RESULTS], folder, lambda _: self._look(chosen))
         self.batches[folder] = work.start()
 

@@ -18,6 +18,7 @@ from skelsplat.app import pages
 from skelsplat.app.guard import HOST, Guard
 from skelsplat.app.places import Place
 from skelsplat.app.recordings import Recordings
+from skelsplat.cli.of_found import PAGE_OF_CAMERAS
 from skelsplat.exceptions import SkelSplatError
 from skelsplat.io._run_files import is_run
 from skelsplat.run.files import files_of, zipped
@@ -59,7 +60,7 @@ def _add_files(app: FastAPI, place: Place) -> None:
     def take(path: str, folder: str = "", download: bool = False) -> Response:
         run = place.inside(folder)
         file = place.inside(path, run)
-        if not is_run(run) or path not in [name for name, *_ in files_of(run)]:
+        if path != PAGE_OF_CAMERAS and not (is_run(run) and path in [name for name, *_ in files_of(run)]):
             raise HTTPException(404, "There is no such file of a run.")
         headers = _ALONE | {"cache-control": "no-store"}
         return FileResponse(file, filename=file.name if download else None, headers=headers)

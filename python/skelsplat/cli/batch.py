@@ -27,6 +27,7 @@ from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.run import Batch, Job, run_batch
 from skelsplat.run.batch import DONE, RECORD, TABLE, UNCHANGED, trials
 from skelsplat.run.batch import FAILED as FAILED_RECORDING
+from skelsplat.run.found import Found, output_of
 
 _EPILOG = (
     "SESSIONS.toml has a table session per recording, with calibration, detections, optionally name and "
@@ -160,14 +161,16 @@ def _job(sessions: Path, name: str, values: Mapping[str, Any]) -> Job:
     return replace(job, output=None) if job.output == Path() else job
 
 
-def sessions_of(files: Mapping[str, Sequence[str]], given: Mapping[str, Any]) -> str:
-    """Return a file of sessions: by folder, calibration, detections and output in it, and texts for all."""
+def sessions_of(folder: Path, recordings: Sequence[Found], given: Mapping[str, Any]) -> str:
+    """Return a file of sessions: recordings in folders of one, and the texts of settings for all."""
     shared = [(row.flag[2:], given[row.name]) for row in options.JOB if row.name in given]
     lines = ["[defaults]", *(f"{key} = {json.dumps(value)}" for key, value in shared)]
-    for name, paths in files.items():
+    for one in recordings:
+        name = one.folder.relative_to(folder).as_posix()
+        files = {"calibration": one.calibration, "detections": one.detections}
         lines += ["", "[[session]]", f"name = {json.dumps(name)}"]  # texts of JSON are texts of TOML
-        named = zip(("calibration", "detections", "output"), paths, strict=True)
-        lines += [f"{key} = {json.dumps(f'{name}/{path}')}" for key, path in named]
+        files["output"] = output_of(one.folder)
+        lines += [f"{key} = {json.dumps(f'{name}/{path}')}" for key, path in files.items()]
     return "\n".join([*lines, ""])
 
 

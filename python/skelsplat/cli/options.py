@@ -136,7 +136,7 @@ JOB = rows(
         Repeatable.
     --order A,B,…  Folder, file or index in the file of each camera, in the calibration's order; or sorted.
         [by name]
-    * --without CAMERA  Leave a camera out. Repeatable; the camera need not have detections.
+    * --without CAMERA  Leave a camera out, which need not have detections. Repeatable.
     --map JOINT=NAME  What a joint of the layout is in the files: a name, an index from 0, or none.
         Repeatable.
     --sequence NAME  Sequence of a file that has several, such as "S9/Directions 1".
@@ -147,6 +147,8 @@ JOB = rows(
     --no-undistort  Ignore lens distortion.
     --adjust-cameras  First adjust the cameras that were turned or moved since the calibration. Everybody the
         views agree on shows which; cameras.json has them. skelsplat adjust-cameras writes a calibration.
+    --move CAMERA  A camera that was moved. Only these are adjusted, instead of those found to be wrong.
+        Requires --adjust-cameras. Repeatable.
     Method:
     * --paper  Use the published method. It renders pixels and optimises with Adam; the default, annealed, is
         more robust.
@@ -189,6 +191,7 @@ JOB = rows(
     offset={"name": "offsets", "many": True, "read": _offsets},
     order=order,
     without={"many": True, "read": distinct},
+    move={"many": True, "read": distinct},
     map={"name": "mapping", "many": True, "read": _mapping},
     min_confidence={"kind": float, "limits": {"min": 0, "max": 1}},
     joint_bias_mm={"kind": float, "limits": {"min": 0}},

@@ -127,7 +127,7 @@ def tell_all(findings: Iterable[Finding], _console: Console | None = None, of: s
 def option_words(remedy: Remedy) -> str:
     """Return a remedy as it is pasted into a shell: ``--without cam_03``."""
     flag = "--" + remedy.setting.replace("_", "-")
-    return flag if remedy.value in (None, True) else f"{flag} {shlex.quote(str(remedy.value))}"
+    return " ".join(f"{flag} {shlex.quote(text)}" for text in remedy.texts) or flag
 
 
 def _remedy_words(remedy: Remedy) -> str:

@@ -8,8 +8,9 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -20,39 +21,61 @@ from skelsplat.run.process import Child
 RUNNING, DONE, FAILED, CANCELLED = "running", "done", "failed", "cancelled"
 _BAR = "\x1e"  # begins a line that says how far a command is
 _PROGRAM = "from skelsplat.cli.process import _do; _do()"
+_PIP = """import importlib, importlib.util, runpy
+if importlib.util.find_spec('pip') is None:
+    __import__('ensurepip').bootstrap()
+    importlib.invalidate_caches()
+runpy.run_module('pip', run_name='__main__', alter_sys=True)"""
 _EVERY_S = 0.1
 _JUDGED_BY_FILES = ("refine", "batch")  # whose errors may be findings, with results to be looked at
 
 
-_BY_CAMERA = ("detect", "overlay")
+_BY_PART = ("detect", "overlay")  # which name cameras; others what they do at present
 _DOING = {
     "detect": ("Finding people in the videos", "frames"),
     "calibrate": ("Finding the cameras", "steps"),
     "refine": ("Finding the pose in 3D", "frames"),
     "overlay": ("Drawing", "frames"),
     "batch": ("Refining the recordings", "recordings"),
+    "pip": ("Installing", "packages"),
 }
 
 
 @dataclass(frozen=True)
 class Bar:
-    """How far a command is with what it does at present."""
+    """How far a command is, of each camera or other part that it names."""
 
-    name: str
-    done: int | None
-    total: int | None
-    since: float  # s, as of `time.monotonic`
+    parts: Mapping[str, tuple[int, int]] = field(default_factory=dict)  # done and total, by name
+    name: str = ""  # the last one
+    begun: int = 0  # what was done when it began
+    since: float = 0.0  # s, as of `time.monotonic`
+
+    @property
+    def done(self) -> int:
+        """What is done of all parts."""
+        return sum(done for done, _ in self.parts.values())
+
+    @property
+    def total(self) -> int:
+        """What there is to do; 0 if unknown."""
+        return sum(total for _, total in self.parts.values())
 
     @property
     def share(self) -> float | None:
         """The share that is done, 0 to 1; None if unknown."""
-        return min(1.0, (self.done or 0) / self.total) if self.total else None
+        return min(1.0, self.done / self.total) if self.total else None
 
     @property
     def seconds_left(self) -> float | None:
         """Time left if it goes on as until now; None if unknown."""
-        passed = time.monotonic() - self.since
-        return passed * (1.0 / self.share - 1.0) if self.share and passed > 1.0 else None
+        passed, new = time.monotonic() - self.since, self.done - self.begun
+        return passed * (self.total - self.done) / new if new > 0 and passed > 1.0 else None
+
+    def after(self, name: str, done: int | None, total: int | None) -> Bar:
+        """Return the bar after one of the parts went on; time counts anew if there is more or less to do."""
+        new = Bar({**self.parts, name: (done or 0, total or 0)}, name, self.begun, self.since)
+        anew = new.total != self.total or new.done < self.done
+        return replace(new, begun=new.done, since=time.monotonic()) if anew else new
 
 
 @dataclass
@@ -63,7 +86,7 @@ class Work:
     folder: Path
     then: Callable[[Work], object] = lambda _: None
     state: str = RUNNING
-    bar: Bar | None = None
+    bar: Bar = field(default_factory=Bar)
     messages: list[str] = field(default_factory=list)  # lines: "warning: …", or at last "error: …"
     document: dict[str, Any] = field(default_factory=dict)  # what ``--json`` prints
     _child: Child | None = None
@@ -72,35 +95,42 @@ class Work:
     @property
     def command(self) -> str:
         """The command as it is typed."""
-        return shlex.join(["skelsplat", *self.words])
+        if not self._pip:
+            return shlex.join(["skelsplat", *self.words])
+        first = f"{shlex.quote(sys.executable)} -m ensurepip && " if find_spec("pip") is None else ""
+        return first + shlex.join([sys.executable, "-m", *self.words])
+
+    @property
+    def _pip(self) -> bool:
+        return self.words[0] == "pip"
 
     @property
     def error(self) -> str:
         """Why it failed, in one line."""
-        errors = [line.removeprefix("error: ") for line in self.messages if line.startswith("error: ")]
+        errors = [line[7:] for line in self.messages if line.lower().startswith("error: ")]
         last = (errors or self.messages or [f"{self.command} ended without a word"])[-1]
         return last.partition(" (see skelsplat ")[0]
 
     @property
-    def left(self) -> str:
-        """What it left behind when it was interrupted, in a sentence."""
-        said = "".join(self.messages[-1:]).partition("interrupted; ")[2]
-        return f"{said[:1].upper()}{said[1:]}." if said else ""
+    def words_of_end(self) -> str:
+        """Why it failed, or what it left behind when it was cancelled."""
+        left = "".join(self.messages[-1:]).partition("interrupted")[2]
+        return self.error if self.state == FAILED else f"Cancelled{left}."
 
     @property
     def words_of_bar(self) -> str:
         """What it does, how far it is, and the time left."""
         (what, unit), bar = _DOING[self.words[0]], self.bar
-        if self._cancelled or bar is None or not bar.total:
+        if self._cancelled or not bar.total:
             return "Cancelling …" if self._cancelled else f"{what} …"
-        name = f", {bar.name}" if self.words[0] in _BY_CAMERA else ""
+        name = f", {bar.name}" if len(bar.parts) > 1 else ""
         left = "" if bar.seconds_left is None else f", {_time(bar.seconds_left)} left"
-        return f"{what}{name}: {bar.done or 0} of {bar.total} {unit}{left}"
+        return f"{what}{name}: {bar.done} of {bar.total} {unit}{left}"
 
     def start(self) -> Work:
         """Start the process."""
-        words = [*self.words, "--json"]
-        self._child = Child(_PROGRAM, *words, folder=self.folder, hear=self._hear, alone=True)
+        program, words = (_PIP, self.words[1:]) if self._pip else (_PROGRAM, [*self.words, "--json"])
+        self._child = Child(program, *words, folder=self.folder, hear=self._hear, alone=True)
         threading.Thread(target=self._follow, args=(self._child,), daemon=True).start()
         return self
 
@@ -120,7 +150,7 @@ class Work:
         if self._cancelled and status:
             self.state = CANCELLED
         else:
-            self.document = json.loads(printed) if printed.strip() else {}
+            self.document = json.loads(printed) if printed.strip() and not self._pip else {}
             by_files = self.words[0] in _JUDGED_BY_FILES
             if status and not by_files:
                 found = self.document.get("findings", ())
@@ -133,8 +163,7 @@ class Work:
             self.messages.append(line)
             return
         name, done, total = json.loads(line[len(_BAR) :])
-        same = self.bar is not None and self.bar.name == name
-        self.bar = Bar(name, done, total, self.bar.since if self.bar and same else time.monotonic())
+        self.bar = self.bar.after(name if self.words[0] in _BY_PART else "", done, total)
 
 
 def _time(seconds: float) -> str:
@@ -147,12 +176,11 @@ def _do() -> None:
     """Do the command in the arguments of this process."""
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
     sys.argv[0] = "skelsplat"
-    said = 0.0
+    said: dict[str, float] = {}
 
     def say(name: str, done: int | None, total: int | None) -> None:
-        nonlocal said
-        if time.monotonic() - said > _EVERY_S or done == total:
-            said = time.monotonic()
+        if time.monotonic() - said.get(name, 0.0) > _EVERY_S or done == total:
+            said[name] = time.monotonic()
             sys.stderr.write(f"{_BAR}{json.dumps([name, done, total])}\n")
             sys.stderr.flush()
 

@@ -23,8 +23,9 @@ OPTIONS: dict[str, tuple[Option, ...]] = {
     }.items()
 }
 """By command, the options that are settings: all but those that say which files."""
-SHARED = ("layout", "frames", "format", "mapping", "sequence", "fps")
+SHARED = ("layout", "frames", "format", "mapping", "sequence", "fps", "size")
 """Options of calibrate that are those of refine, and are set once."""
+_OF_TERMINAL = r" \(skelsplat [^)]*\)| skelsplat [a-z-]+ [^.]*\."  # in a help
 _TITLES = {row.flag: f"“{row.title}”" for row in chain(*OPTIONS.values())}
 
 
@@ -60,9 +61,21 @@ def worded(text: str) -> str:
     return re.sub(r"--[a-z][a-z-]*", lambda flag: _TITLES.get(flag[0], flag[0]), typed_for_refine(text))
 
 
+def from_field(row: Option, value: Any) -> Any:
+    """Return the text of a setting, or the list of a repeatable one, from what its field on a page has."""
+    if not isinstance(value, str):
+        return ",".join(value) if row.name == "write" else value
+    return [one for part in value.split(",") if (one := part.strip())] if row.many else value.strip()
+
+
+def help_of(row: Option) -> str:
+    """Return the help of an option in the words of a page."""
+    return worded(re.sub(_OF_TERMINAL, "", row.help).replace("Repeatable.", "Several with commas."))
+
+
 def reading_of(given: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """Return how files are read with settings, as `look` takes it; `InvalidInputError` if one is wrong."""
     texts = given["refine"]
     job = job_of([".", ".", "-o", ".", *typed(OPTIONS["refine"], texts)])
     chosen = {name: texts.get(name) for name in ("calibration", "detections")}
-    return {**vars(job), **chosen, "image_size": given.get("calibrate", {}).get("size")}
+    return {**vars(job), **chosen}

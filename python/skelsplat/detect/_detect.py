@@ -128,10 +128,13 @@ def detect(
             got = f"{span[0]}-{'' if last is None else last}"
             raise InvalidInputError(f"range: expected {expected}, got {got}")
     results = _Results.opened(Path(output), record, sources, overwrite=overwrite)
-    written = []
-    for camera, source in sources.items():
-        tell = functools.partial(progress or (lambda *_: None), camera)
-        written.append(_camera(camera, source, span, detector, results, tell))
+    tell = {camera: functools.partial(progress or (lambda *_: None), camera) for camera in sources}
+    for camera, source in sources.items():  # all before the first, so that what is left to do is known
+        done, wanted = len(results.done(camera, span)), _wanted(source, span)
+        tell[camera](done, max(wanted, done))
+    written = [
+        _camera(camera, source, span, detector, results, tell[camera]) for camera, source in sources.items()
+    ]
     _compare(written)
     return written
 
@@ -155,7 +158,6 @@ def _camera(
     """Detect what is missing of a camera."""
     done, wanted = results.done(camera, span), _wanted(source, span)
     total = max(wanted, len(done))
-    tell(len(done), total)
     new = empty = 0
     if not results.complete(camera, span, len(done), len(source.images) and wanted):
         again = detector.follows  # from its first frame, as without the interruption

@@ -118,15 +118,18 @@ def with_remedies(report: RigReport, read_as: ReadAs) -> RigReport:
     findings = []
     for finding in report.findings:
         remedy: tuple[Remedy, ...] = ()
+        names = finding.subject.cameras
         if finding.kind == "cameras_exchanged":
-            names = finding.subject.cameras
             moved = {name: rounded(given[name]) for name in names if name not in options}
             remedy = _order(list(owners.values()), list(owners), read_as, moved)
         elif finding.kind == "frame_offset":
-            (name,) = finding.subject.cameras
-            remedy = read_as.offset_remedy(name, options[name])
+            remedy = read_as.offset_remedy(names[0], options[names[0]])
         elif finding.kind == "camera_moved" and report.misplaced:
             remedy = (Remedy("adjust_cameras"),)
+        elif finding.kind == "unit_wrong" and finding.numbers["likely"]:
+            remedy = (Remedy("unit", finding.numbers["likely"]),)
+        elif finding.kind == "sides_swapped" and len(report.cameras) > 2:
+            remedy = (Remedy("without", *names),)
         findings.append(replace(finding, remedy=remedy))
     rows = (replace(row, offset_option=options.get(row.name)) for row in report.cameras)
     return RigReport(tuple(findings), tuple(rows))

@@ -51,7 +51,10 @@ def findings_of(
     if len(found.report) == 2 and found.of("unseen"):
         sentence = "Two cameras do not tell which of them was turned or moved, so neither was adjusted. Add "
         sentence += "a third camera, or name the one that was moved."
-        subject, remedy = Subject(found.cameras.names), (Remedy("move", "NAME"),)
+        subject, remedy = (
+            Subject(found.cameras.names),
+            tuple(Remedy("move", name) for name in found.cameras.names),
+        )
         yield Finding("cameras_not_adjusted", "warning", subject, remedy=remedy, sentence=sentence)
     sound = len(found.of("sound"))
     if sound and not found.of("adjusted", "late", "doubtful", "knocked", "unsteady"):
@@ -116,7 +119,7 @@ def _doubtful(suspected: list[dict[str, Any]], besides: list[str]) -> Finding:
         ways.append(f"{one['camera']} ({listed([*_changes(one), *off] or ['no single change'])})")
     remedy: list[Remedy] = []
     if besides:
-        remedy = [Remedy("move", name) for name in (*besides, "NAME")]
+        remedy = [Remedy("move", [*besides, one["camera"]]) for one in suspected]
         sentence = f"Another camera is wrong as well, most likely {listed(ways, 'or')}. It was not adjusted: "
         sentence += "more than half of the cameras have to stay. If you know which were moved, name all of "
         sentence += "them."
@@ -128,7 +131,7 @@ def _doubtful(suspected: list[dict[str, Any]], besides: list[str]) -> Finding:
         sentence += "adjusted. If you know, name the one that was moved, or correct the clock of the late "
         sentence += "one. Otherwise record with more cameras, or a person who walks through more of the "
         sentence += "room."
-        remedy = [Remedy("move", "NAME")] if len(late) < len(ways) else []
+        remedy = [Remedy("move", one["camera"]) for one in suspected if one not in late]
         remedy += [Remedy("offset", f"{one['camera']}={one['offset']}") for one in late]
     subject = Subject(tuple(one["camera"] for one in suspected))
     numbers = {"suspected": suspected, "besides": besides}

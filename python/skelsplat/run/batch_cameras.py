@@ -62,7 +62,7 @@ def adjust_together(
     """
     alike: dict[tuple[str, ...], list[str]] = {}
     for name, job in jobs.items():
-        if job.adjust_cameras:
+        if job.adjust_cameras and not job.move:
             alike.setdefault(_kind(job), []).append(name)
     several = [names for names in alike.values() if len(names) > 1]
     for k, names in enumerate(several):

@@ -227,7 +227,7 @@ def read_adjusted(opened: Opened, job: Job) -> tuple[Array, Inputs]:
     if not job.adjust_cameras:
         return people, whole
     scene = Scene(whole.rig, people, whole.frames, whole.layout, whole.read_as)
-    result = adjusted(scene)
+    result = adjusted(scene, free=cameras_called(job.move, whole.rig.names, "move") or None)
     if isinstance(result, Finding):
         warn(result)
         return people, whole

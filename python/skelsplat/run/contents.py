@@ -32,15 +32,22 @@ def contents(folder: Path) -> tuple[tuple[str, ...], str, tuple[str, ...]]:
         return own, next(iter(videos), ""), ()
     several = [one.relative_to(folder).parts[0] for one in of]
     if not of and len(videos) > 1 and not any("video" in name for name in videos):
-        several = videos
+        several = [name for name in videos if _count(folder / name) > 1]
+        videos = []
     return (), "" if several else next(iter(videos), ""), tuple(dict.fromkeys(several))
+
+
+def folders_of_one_video(folder: Path) -> list[str]:
+    """Return the folders in one that have one video each, as if it were that of a camera."""
+    return [name for name in _videos(folder) if name != "." and _count(folder / name) == 1]
 
 
 def kind_of(folder: Path) -> str:
     """Return what a folder is, if it is a recording or holds several."""
     with suppress(SkelSplatError, OSError):
         detections, videos, inside = contents(folder)
-        return SEVERAL if inside else RECORDING if detections or videos else ""
+        whole = detections or (videos and (videos != "." or _count(folder) > 1))
+        return SEVERAL if inside else RECORDING if whole else ""
     return ""
 
 
@@ -88,14 +95,15 @@ def _recording_of(folder: Path, detections: str) -> Path:
     return place if own else place.parent
 
 
+def _count(place: Path) -> int:
+    """Return the number of videos in a folder."""
+    return sum(one.suffix.lower() in VIDEO_SUFFIXES for one in place.iterdir())
+
+
 def _videos(folder: Path) -> list[str]:
     """Return the folders of videos: itself, or those in it, the ones that a tool has drawn on last."""
-
-    def count(place: Path) -> int:
-        return sum(one.suffix.lower() in VIDEO_SUFFIXES for one in place.iterdir())
-
-    if count(folder):
+    if _count(folder):
         return ["."]
     inside = (one for one in folder.iterdir() if one.is_dir() and not one.name.startswith("."))
-    names = (one.name for one in inside if one.name not in _BY_COMMANDS and not is_run(one) and count(one))
+    names = (one.name for one in inside if one.name not in _BY_COMMANDS and not is_run(one) and _count(one))
     return sorted(names, key=lambda name: (name.startswith("annotated"), name))

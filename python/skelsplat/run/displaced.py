@@ -113,9 +113,17 @@ def displaced_cameras(rig: sk.CameraRig, shifts: Shifts, noise: Array | None = N
 
 
 def find_displaced(
-    names: Sequence[str], shifts: Shifts, displaced: Sequence[int], unfit: AbstractSet[str] = frozenset()
+    names: Sequence[str],
+    shifts: Shifts,
+    displaced: Sequence[int],
+    unfit: AbstractSet[str] = frozenset(),
+    *,
+    adjusted: bool = False,
 ) -> Iterator[Finding]:
-    """Yield a finding on the first of ``displaced``, with the others; ``unfit`` ones have a remedy."""
+    """Yield a finding on the first of ``displaced``, with the others; ``unfit`` ones have a remedy.
+
+    They may have been ``adjusted`` before.
+    """
     if not displaced:
         return
     name = names[displaced[0]]
@@ -127,8 +135,15 @@ def find_displaced(
     elif len(names) == 3:
         wrong += ", or that of another of the three"
     sentence = f"{wrong}: {name}'s detections are shifted by {to_one_side(numbers)}. Check the cameras."
-    remedy = (Remedy("without", name),) if len(names) > 2 and name not in unfit else ()
+    remedy = () if name in unfit else remedies(name, len(names), adjusted=adjusted)
     yield Finding("camera_disagrees", "warning", Subject((name,)), numbers, remedy, sentence=sentence)
+
+
+def remedies(name: str, cameras: int, *, adjusted: bool) -> tuple[Remedy, ...]:
+    """Return what helps against a displaced camera of some: to adjust it, unless it was, or to do without."""
+    if cameras < 3:
+        return ()
+    return (*(() if adjusted else (Remedy("adjust_cameras"),)), Remedy("without", name))
 
 
 def shift_of(names: Sequence[str], shifts: Shifts, camera: int, others: Sequence[int] = ()) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from skelsplat.io.poses import POSE_FORMATS
 
-_STATED = ("unit", "layout", "person", "sequence", "order", "mapping", "adjust_cameras")
+_STATED = ("unit", "layout", "person", "sequence", "order", "mapping", "adjust_cameras", "move")
 
 
 def options_of(report: Mapping[str, Any]) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -14,7 +15,14 @@ from skelsplat._words import listed, percent
 from skelsplat.findings import Finding, Remedy, Severity, Subject
 from skelsplat.rig_check._check import find_swapped, same_detections
 from skelsplat.run.bones import find_bones
-from skelsplat.run.displaced import displaced_cameras, find_apart, find_displaced, shift_of, to_one_side
+from skelsplat.run.displaced import (
+    displaced_cameras,
+    find_apart,
+    find_displaced,
+    remedies,
+    shift_of,
+    to_one_side,
+)
 from skelsplat.run.frames import MOSTLY, JointFrames, find_joints, find_statuses
 from skelsplat.run.people import find_people
 from skelsplat.run.read import Inputs
@@ -56,6 +64,8 @@ def find_findings(
     alone = frame_by_frame(inputs, outcome)
     counted = statistics if alone is outcome else summarise(inputs, alone)
     swapped = [*find_swapped(inputs.rig.names, alone.result, inputs.layout), *_mirrored(counted)]
+    if len(inputs.rig) > 2:
+        swapped = [replace(one, remedy=(Remedy("without", *one.subject.cameras),)) for one in swapped]
     return [
         *same_detections(inputs.rig.names, inputs.detections),
         *find_people(inputs, alone),
@@ -168,8 +178,10 @@ def _cameras(inputs: Inputs, statistics: Statistics, outcome: Outcome) -> Iterat
         words += "such as rtmlib."
         yield Finding("detector_of_one_person", "warning", sentence=words)
     yield from _find_unfit(names, unfit)
-    yield from find_cameras(statistics, unfit_names, sides, followed=inputs.solved is not None)
-    yield from find_displaced(names, shifts, [] if worst else rest, unfit_names)
+    adjusted = bool(inputs.source.get("adjust_cameras"))
+    followed = inputs.solved is not None
+    yield from find_cameras(statistics, unfit_names, sides, followed=followed, adjusted=adjusted)
+    yield from find_displaced(names, shifts, [] if worst else rest, unfit_names, adjusted=adjusted)
     yield from apart
 
 
@@ -179,11 +191,13 @@ def find_cameras(
     sides: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
     *,
     followed: bool = False,
+    adjusted: bool = False,
 ) -> Iterator[Finding]:
     """Yield findings on unused cameras and on those that disagree.
 
     Those that are ``unfit`` have their own finding; ``sides`` are the shifts of `shift_of` by name. A camera
-    need not see one of several people who were ``followed``, or somebody stands before them.
+    need not see one of several people who were ``followed``, or somebody stands before them. Cameras may have
+    been ``adjusted`` before.
     """
     bad = _bad_cameras(statistics.cameras)
     good = [group for group in statistics.cameras if group["used"] and group not in bad]
@@ -207,7 +221,10 @@ def find_cameras(
             words += "calibration and timing, and whether anything blocks its view."
             shares = {"rejected_share": group["rejected_share"], "others_rejected_share": others}
             numbers = {**shares, "mean_weight": group["mean_weight"], **side}
-            remedy = without if enough and group["name"] not in unfit else ()
+            remedy = without if enough else ()
+            if side:
+                remedy = remedies(group["name"], len(statistics.cameras), adjusted=adjusted)
+            remedy = () if group["name"] in unfit else remedy
             severity: Severity = "note" if followed and not side else "warning"
             yield Finding("camera_disagrees", severity, subject, numbers, remedy, sentence=words)
 

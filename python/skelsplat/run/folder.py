@@ -21,7 +21,7 @@ from skelsplat._lock import locked
 from skelsplat._optional import can_draw, pip_line
 from skelsplat._words import listed
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.findings import Finding, Remedy, Subject, collected_warnings
+from skelsplat.findings import Finding, Remedy, Subject, collected_warnings, warn
 from skelsplat.io import write_people, write_pose
 from skelsplat.io._files import load_json
 from skelsplat.io._run_files import (
@@ -211,7 +211,10 @@ def write_everybody(
     shown = [_PICTURES[0], *([PAGE] if writing.html else [])] if can_draw() else []
     poses = [f"people.{kind}" for kind in writing.pose_formats if kind in PEOPLE_FORMATS]
     run = replace(run, report={**run.report, RUN: name, "files": [*poses, *shown]})
-    begin_writing(folder, run.report)
+    with collected_warnings(tell) as notes:
+        begin_writing(folder, run.report)
+    told = [*run.report["findings"], *(note.to_dict() for note in notes)]
+    run = replace(run, findings=(*run.findings, *notes), report={**run.report, "findings": told})
     people = {}
     for own, (identity, one) in zip(run.report["folders"], run.people.items(), strict=True):
         with run_folder(folder / own):
@@ -284,7 +287,11 @@ def begin_writing(folder: Path, report: dict[str, Any]) -> None:
     _remove(folder, earlier)
     remove_left(folder, [*_POSSIBLE, REPORT])
     remove_left(folder / _OPENSIM, OPENSIM_FILES)
-    for gone in (folder / name for name in people if name not in report.get("folders", [])):
+    left = [name for name in people if name not in report.get("folders", [])]
+    if left:
+        sentence = f"The files of {listed(left)}, folders of an earlier run, were removed."
+        warn(Finding("earlier_removed", "note", Subject(files=tuple(left)), sentence=sentence))
+    for gone in (folder / name for name in left):
         _remove(gone, files_of_run(gone) or [])
         with contextlib.suppress(OSError):  # missing, or it holds what is not from a run
             if is_run(gone):

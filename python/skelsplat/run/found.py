@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,18 +12,18 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._words import metric
+from skelsplat._words import listed, metric, size_text
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
 from skelsplat.findings import collected_warnings
 from skelsplat.io._run_files import REPORT, is_run
 from skelsplat.io.calibration import find_format as calibration_format
 from skelsplat.io.calibration import read_calibration
-from skelsplat.io.detections import open_detections, sights
+from skelsplat.io.detections import is_among, open_detections, sights
 from skelsplat.io.detections._record import read_record
 from skelsplat.io.detections._registry import recognised
 from skelsplat.io.video import FrameSource, open_source, videos_of
-from skelsplat.run.contents import contents
+from skelsplat.run.contents import contents, folders_of_one_video
 from skelsplat.run.read import read_rig
 
 _LOOKED_AT = 200  # files of a folder
@@ -31,13 +31,13 @@ _SAMPLED = 12  # frames in which people are counted
 _CALIBRATIONS = (".toml", ".json", ".xml", ".txt", ".xcp", ".yml", ".yaml", ".npz", ".pickle", ".pkl", ".h5")
 _OF_RIG = ("calibration_format", "unit", "camera_type", "subject", "size", "binning", "without")
 _OF_DETECTIONS = ("layout", "offsets", "order", "without", "mapping")
-_RATES = ("25", "30", "50", "60", "100")
+_PER_SECOND = {rate: f"{rate} per second" for rate in ("25", "30", "50", "60", "100")}
 _NO_RATE = (
     "The frame rate is not known. With it, all frames are solved together: joints move smoothly, and "
     "people can be followed. Choose it, or type another below:"
 )
 _NO_NAMES = "The keypoints do not name their cameras."
-_SIZES = ("1920x1080", "1080x1920", "1280x720", "3840x2160")
+_SIZES = {size: size for size in ("1920x1080", "1080x1920", "1280x720", "3840x2160")}
 _NO_SIZE = (
     "The size of the images is not known, which finding the cameras takes. Choose it, or type another below:"
 )
@@ -85,6 +85,7 @@ class Found:
     layout: str = ""
     unit: str = ""
     lacks: tuple[Lack, ...] = ()
+    chosen: tuple[Lack, ...] = ()  # what files do not state and was given, with what else it may be
     fps: str = ""  # as it was given
     names: tuple[str, ...] = ()  # of the cameras: the calibration's if there is one
     inside: tuple[str, ...] = ()  # folders with a recording each, if it is a folder of several
@@ -132,8 +133,8 @@ def look(folder: Path, given: Mapping[str, Any], top: Path | None = None) -> Fou
     """Return what a folder holds.
 
     ``given`` has fields of `skelsplat.run.Job` by which files are read. Its ``calibration`` and
-    ``detections`` choose among several, by their paths from the folder; ``image_size`` is that of all images
-    where files do not state it. A calibration may also be in folders above, up to ``top``.
+    ``detections`` choose among several, by their paths from the folder; ``size`` is that of all images where
+    files do not state it. A calibration may also be in folders above, up to ``top``.
     """
     with collected_warnings():
         return _look(folder, given, top or folder)
@@ -156,20 +157,17 @@ def _look(folder: Path, given: Mapping[str, Any], top: Path) -> Found:
     if sources:
         cameras = cameras or tuple(Camera(name) for name in sources)
         cameras = tuple(_with_source(one, sources.get(one.name)) for one in cameras)
-    unknown = not given.get("image_size") and any(one.size is None for one in cameras)
+    unknown = not given.get("size") and any(one.size is None for one in cameras)
     if detections and not calibration and unknown:
-        lacks = [Lack(_NO_SIZE, setting="image_size", values={size: size for size in _SIZES})]
+        lacks = [Lack(_NO_SIZE, setting="size", values=_SIZES)]
     else:
         lacks = []
     if videos and detections:
         lacks += _unfinished(folder / detections, cameras)
-    lacks += [*broken, *lack, *more, *_missing(calibration, detections, videos, bool(broken))]
+    apart = folders_of_one_video(folder) if not detections and not videos else []
+    lacks += [*broken, *lack, *more, *_missing(calibration, detections, videos, bool(broken), apart)]
     if not given.get("fps") and detections and not any(one.fps for one in cameras):
-        lacks.append(
-            Lack(
-                _NO_RATE, setting="fps", values={rate: f"{rate} per second" for rate in _RATES}, optional=True
-            )
-        )
+        lacks.append(Lack(_NO_RATE, setting="fps", values=_PER_SECOND, optional=True))
     return Found(
         folder,
         cameras,
@@ -181,14 +179,46 @@ def _look(folder: Path, given: Mapping[str, Any], top: Path) -> Found:
         layout,
         "" if rig is None else rig.unit,
         tuple(lacks),
+        tuple(_otherwise(folder, calibration, cameras, layout, given)),
         f"{given['fps']:g}" if given.get("fps") else "",
         tuple(one.name for one in cameras) if rig is None else tuple(rig.names),
     )
 
 
-def _missing(calibration: str, detections: str, videos: str, broken: bool) -> Iterator[Lack]:
+def _otherwise(
+    folder: Path, calibration: str, cameras: Sequence[Camera], layout: str, given: Mapping[str, Any]
+) -> Iterator[Lack]:
+    """Yield what was given because files do not state it, with what else it may be."""
+    known: dict[str, tuple[str, Mapping[str, str]]] = {}
+    if given.get("unit") and calibration and _rig(folder, calibration, {**given, "unit": None})[1]:
+        known["unit"] = given["unit"], dict(_units(folder / calibration))
+    if given.get("layout") == layout and layout:
+        known["layout"] = layout, {name: name for name in _layouts(sk.layouts.get(layout).n_joints)}
+    if given.get("size") and not calibration:
+        known["size"] = size_text(given["size"]).replace("×", "x"), _SIZES
+    if given.get("fps") and not any(one.fps for one in cameras):
+        known["fps"] = f"{given['fps']:g}", _PER_SECOND
+    for setting, (value, values) in known.items():
+        others = {other: text for other, text in values.items() if other != value}
+        if others:
+            text = f"--{setting} {value}, as files do not state it. If that is wrong:"
+            yield Lack(text, setting=setting, values=others, optional=True)
+
+
+def _layouts(joints: int) -> list[str]:
+    return [name for name in sk.layouts.names if sk.layouts.get(name).n_joints == joints]
+
+
+def _missing(
+    calibration: str, detections: str, videos: str, broken: bool, apart: Sequence[str]
+) -> Iterator[Lack]:
     if not detections and videos:
         yield Lack("There are videos, and no keypoints yet: a detector finds the people in them.", "detect")
+    elif apart:
+        yield Lack(
+            f"There is one video in each of {', '.join(apart)}. Put the videos of all cameras into one "
+            "folder, each named after its camera."
+        )
     elif not detections:
         yield Lack(
             "There are no videos and no keypoints here. Put one video per camera, or what a detector of "
@@ -302,15 +332,30 @@ def _sight(
     except (SkelSplatError, OSError) as error:
         if isinstance(error, InvalidInputError) and error.argument == "layout" and cameras:
             joints = next((joints for joints in map(_joints, views.values()) if joints), 0)
-            fitting = [name for name in sk.layouts.names if sk.layouts.get(name).n_joints == joints]
+            fitting = _layouts(joints)
             words = f"The keypoints have {joints} joints per person, and do not say which. Choose the layout:"
             if fitting:
                 return cameras, "", [Lack(words, setting="layout", values={name: name for name in fitting})]
         if isinstance(error, DatasetError) and error.field == "cameras" and not given.get("order"):
             values = {"sorted": "Take them in the order of the calibration"}
             return cameras, "", [Lack(_NO_NAMES, setting="order", values=values)]
-        return cameras, "", [Lack(_line(error, folder))]
+        return cameras, "", [_blind(folder, detections, rig, cameras, given) or Lack(_line(error, folder))]
     return cameras, opened.skeleton.name, []
+
+
+def _blind(
+    folder: Path, detections: str, rig: sk.CameraRig | None, seen: Sequence[Camera], given: Mapping[str, Any]
+) -> Lack | None:
+    """Return that some cameras have no detections, if these are read without them."""
+    names, before = [one.name for one in seen], given.get("without", ())
+    blind = [name for name in (() if rig is None else rig.names) if not is_among(name, [*names, *before])]
+    without = [*before, *blind]
+    if not blind or any(
+        not lack.setting for lack in _sight(folder, detections, rig, {**given, "without": without})[2]
+    ):
+        return None
+    values = {",".join(without): f"Without {', '.join(blind)}"}
+    return Lack(f"There are no keypoints of {listed(blind)}.", setting="without", values=values)
 
 
 def _calibrated(name: str, camera: sk.Camera) -> Camera:

@@ -109,6 +109,8 @@ class Job(Writing):
     #: First adjust the cameras that were turned or moved, by the person the views agree on
     #: (`skelsplat.adjust_cameras`); the cameras used are written to the folder of the results.
     adjust_cameras: bool = False
+    #: Names of cameras that were moved; only these are adjusted then, instead of those found to be wrong.
+    move: tuple[str, ...] = ()
     #: Solve each frame alone even if the frame rate is known, instead of all over time (`Outcome.sequence`).
     frame_by_frame: bool = False
     #: Longest gap to fill by cubic splines, in frames (0: none), and whether weak joints are gaps as well.
@@ -172,6 +174,8 @@ class Job(Writing):
             raise IncompleteJobError("fill_weak", "fill_gaps")
         if self.low_pass is not None and self.fps is None:
             raise IncompleteJobError("filter", "fps")
+        if self.move and not self.adjust_cameras:
+            raise IncompleteJobError("move", "adjust_cameras")
 
     @property
     def settings(self) -> sk.RefineConfig:

@@ -298,6 +298,9 @@ def write_overlay(job: OverlayJob, progress: Progress | None = None) -> list[Wri
         expected = "a folder in which no result replaces a video that is read"
         raise DatasetError(job.out, "--output", expected, "that of the videos")
     with output_folder(job.out):
+        tell = progress or (lambda *_: None)
+        for target, group in targets.items():  # all before the first, so that what is left to do is known
+            tell(target.stem, 0, max(view.expected for view in group))
         written = [_write(job, group, target, progress) for target, group in targets.items()]
     for view in views:
         _warn_of_missing(view, sum(one.cameras.get(view.name, 0) for one in written))

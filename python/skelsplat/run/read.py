@@ -111,7 +111,7 @@ class Opened:
         shape, read_as = (len(found.frames), len(self.rig)), self.read_as
         given = ("calibration", "detections", "init", "order", "mapping", "sequence", "init_sigma_mm")
         source = {
-            **{name: getattr(job, name) for name in (*given, "adjust_cameras")},
+            **{name: getattr(job, name) for name in (*given, "adjust_cameras", "move")},
             **{name: str(getattr(job, name)) for name in given[:3] if getattr(job, name) is not None},
             "calibration_format": job.calibration_format or find_format(Path(job.calibration)),
             "format": found.format,
