@@ -12,7 +12,7 @@ from typing import Any
 import typer
 
 from skelsplat import RefineConfig, layouts
-from skelsplat.cli.rows import NAME_OR_PATH, Option, choice, rows
+from skelsplat.cli.rows import NAME_OR_PATH, Option, choice, positive, rows
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Remedy
 from skelsplat.io.calibration import FORMATS as CALIBRATION_FORMATS
@@ -65,6 +65,17 @@ def _offsets(option: str, values: list[str]) -> dict[str, float]:
             raise typer.BadParameter(f"expected frames, like cam2=-1.25, got {text!r}", param_hint=option)
         found[camera] = float(text) if "." in text else int(text)
     return found
+
+
+def _rates(option: str, text: str) -> float | dict[str, float]:
+    """Return a frame rate, or that of each camera."""
+    try:
+        if "=" not in text:
+            return positive(option, float(text))
+        return {name: positive(option, float(rate)) for name, rate in _pairs(option, text.split(","))}
+    except ValueError as error:
+        expected = "rates, like cam1=30,cam2=59.94," if "=" in text else "a number,"
+        raise typer.BadParameter(f"expected {expected} got {text!r}", param_hint=option) from error
 
 
 def _mapping(option: str, values: list[str]) -> dict[str, str | int | None]:
@@ -160,7 +171,7 @@ JOB = rows(
     --threads 1..1024  [all cores]
     Over time:
     * --fps HZ  Frame rate. If it is known, the recording is solved over time: bones keep their length and
-        joints move smoothly. [as files or videos state it]
+        joints move smoothly. Of cameras that differ: cam1=30,cam2=60. [as files or videos state it]
     --frame-by-frame  Solve each frame alone, even if the frame rate is known. --paper always does.
     * --fill-gaps N  Fill gaps of at most N frames. The results mark these joints as filled. [none]
     --fill-weak  Also treat weak joints as gaps.
@@ -195,7 +206,7 @@ JOB = rows(
     symmetry_tier={"kind": int, "limits": {"min": 0, "max": 3}},
     max_steps={"kind": int, "limits": {"min": 0}},
     threads={"name": "n_threads", "kind": int, "limits": {"min": 1}},
-    fps=float,
+    fps={"kind": str, "read": _rates},
     write={
         "read": partial(some_of, tuple(POSE_FORMATS)),
         "offers": tuple(kind for kind in POSE_FORMATS if kind != "npz"),
@@ -224,11 +235,17 @@ _JUDGED_BY = """
         the person on whom they agree best; largest: the largest in each image; entry:N: entry N of
         each file, from 0. [= everybody]
     """
+_RATE = """
+    Input:
+    --fps HZ  Frame rate, which calibrate --clock needs. Of cameras that differ: cam1=30,cam2=60.
+        [as files or videos state it]
+    """
 RECORDING = (
     *of_job("layout"),
     *rows(_JUDGED_BY),
     replace(_BY_NAME["frames"], default="union"),
     *of_job("format", "offsets", "order", "without", "mapping", "sequence"),
+    *rows(_RATE, fps={"kind": str, "read": _rates}),
 )
 """The options of check-cameras and adjust-cameras for reading detections."""
 RECORDINGS = rows(

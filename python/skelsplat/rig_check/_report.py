@@ -44,6 +44,11 @@ class ReadAs:
     labels: tuple[str | None, ...] = ()  # folder, file or place in it of each camera, as of ``order``
     offsets: Mapping[str, float] = field(default_factory=dict)  # by camera, frames added to its numbers
     uneven: bool = False  # cameras have different frames in the files
+    paces: Mapping[str, float] = field(default_factory=dict)  # by camera, its frames in one of the recording
+
+    def corrected(self, camera: str, clock: float) -> float:
+        """Return the offset that takes off a clock that is so many frames of the recording ahead."""
+        return rounded(self.offsets.get(camera, 0) - self.paces.get(camera, 1) * clock)
 
     def offset_remedy(self, camera: str, offset: float) -> tuple[Remedy, ...]:
         """Return what corrects the clock of a camera: its offset, and the frames that all then have."""
@@ -113,7 +118,9 @@ def with_remedies(report: RigReport, read_as: ReadAs) -> RigReport:
     # the offsets with which the detections that belong to a camera were read
     given = {row.name: read_as.offsets.get(owners.get(row.name, row.name), 0) for row in report.cameras}
     options = {
-        row.name: rounded(given[row.name] - row.best_offset) for row in report.cameras if row.best_offset
+        row.name: read_as.corrected(owners.get(row.name, row.name), row.best_offset)
+        for row in report.cameras
+        if row.best_offset
     }
     findings = []
     for finding in report.findings:
