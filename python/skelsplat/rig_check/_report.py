@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,6 +20,9 @@ _OF_FILES = (
     *("unit_wrong", "pose_convention", "images_changed", "cameras_exchanged", "recording_other"),
     *("detections_same", "sides_swapped", "no_detections"),
 )
+
+
+Reported = TypeVar("Reported", sk.CalibratedCamera, sk.CameraAdjustment)
 
 
 @dataclass(frozen=True)
@@ -46,9 +50,13 @@ class ReadAs:
     uneven: bool = False  # cameras have different frames in the files
     paces: Mapping[str, float] = field(default_factory=dict)  # by camera, its frames in one of the recording
 
-    def corrected(self, camera: str, clock: float) -> float:
-        """Return the offset that takes off a clock that is so many frames of the recording ahead."""
-        return rounded(self.offsets.get(camera, 0) - self.paces.get(camera, 1) * clock)
+    def in_files(self, report: Iterable[Reported], step: int) -> list[Reported]:
+        """Return cameras with clocks in their own frames, not in every so many-th of the recording."""
+        own = []
+        for one in report:
+            pace = step * self.paces.get(one.name, 1.0)
+            own.append(replace(one, clock=one.clock * pace, clock_sigma=one.clock_sigma * pace))
+        return own
 
     def offset_remedy(self, camera: str, offset: float) -> tuple[Remedy, ...]:
         """Return what corrects the clock of a camera: its offset, and the frames that all then have."""
@@ -117,8 +125,9 @@ def with_remedies(report: RigReport, read_as: ReadAs) -> RigReport:
     owners: Mapping[str, str] = exchanged[-1] if exchanged else {}
     # the offsets with which the detections that belong to a camera were read
     given = {row.name: read_as.offsets.get(owners.get(row.name, row.name), 0) for row in report.cameras}
+    paces = {row.name: read_as.paces.get(owners.get(row.name, row.name), 1) for row in report.cameras}
     options = {
-        row.name: read_as.corrected(owners.get(row.name, row.name), row.best_offset)
+        row.name: rounded(given[row.name] - paces[row.name] * row.best_offset)
         for row in report.cameras
         if row.best_offset
     }

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._clocks import parted
+from skelsplat._clocks import parted, rounded
 from skelsplat._words import listed, px, with_bar
 from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.rig_check import ReadAs
@@ -63,7 +63,7 @@ def offset_of(camera: sk.CameraAdjustment | sk.CalibratedCamera, read_as: ReadAs
     """Return the offset that sets a clock right, in whole frames unless parts of one are shown."""
     whole, rest = parted(camera.clock)
     shown = np.isfinite(camera.clock_sigma) and abs(rest) > _SHOWN * camera.clock_sigma
-    return read_as.corrected(camera.name, camera.clock if shown else whole)
+    return rounded(read_as.offsets.get(camera.name, 0) - (camera.clock if shown else whole))
 
 
 def _changing(name: str, numbers: dict[str, Any], since: int, place: str, *, clock: bool) -> Finding:

@@ -44,18 +44,15 @@ class Scene:
 
         A camera that is far off sees strangers in people's places: people are told apart anew where it may
         be, and one that does not see them then is doubtful, or ``"unseen"`` if it was not changed. One moved
-        while it recorded is ``"knocked"``, and stays. Clocks are in frames of the files; ``given`` are
-        arguments of `skelsplat.adjust_cameras`.
+        while it recorded is ``"knocked"``, and stays. Clocks are in a camera's own frames in the files;
+        ``given`` are arguments of `skelsplat.adjust_cameras`.
         """
-        step = step_of(self.frames)
         people, frames = evened(self.people, self.frames)
         found, everyone = _by_everybody(self.rig, people, self.layout, given)
         if len(self.rig) > 2 and not given.get("free"):
             found = _knocked(self.rig, found, everyone, frames, given)
         period = len(frames) + GAP  # of the people one after another
-        report = [
-            replace(one, clock=one.clock * step, clock_sigma=one.clock_sigma * step) for one in found.report
-        ]
+        report = self.read_as.in_files(found.report, step_of(self.frames))
         for i, one in enumerate(report):
             if one.status == "unsteady" and one.since is not None:
                 since = min(one.since % period, len(frames) - 1)

@@ -133,7 +133,8 @@ class _Recording:
     @property
     def read_as(self) -> ReadAs:
         """How they are read."""
-        return ReadAs(self.detections.labels, self.detections.offsets, self.detections.uneven)
+        found = self.detections
+        return ReadAs(found.labels, found.offsets, found.uneven, found.paces)
 
 
 @dataclass(frozen=True)
@@ -186,12 +187,8 @@ class _Seen:
         return found if clock or any(found.clocks.values()) else None
 
     def in_files(self, found: sk.RigCalibration) -> sk.RigCalibration:
-        """Return cameras with clocks in their own frames in the files, of which every so many-th is there."""
-        report = []
-        for one in found.report:
-            own = self.step * self.recording.detections.clocks[one.name].pace
-            report.append(replace(one, clock=one.clock * own, clock_sigma=one.clock_sigma * own))
-        return replace(found, report=tuple(report))
+        """Return cameras with clocks in their own frames in the files."""
+        return replace(found, report=tuple(self.recording.read_as.in_files(found.report, self.step)))
 
 
 def calibrate_cameras(
