@@ -96,13 +96,7 @@ def test_a_run_puts_rates_and_offsets_right(room, path, tmp_path):
     )
     usual = error_of(equal.pose, path, 25, np.arange(25 * SECONDS))
     assert error_of(poses.pose, path, 25, poses.frames) < 1.03 * usual
-    (told,) = (
-        one for one in read_report(tmp_path / "out")["findings"] if one["kind"] == "frame_rates_differ"
-    )
-    assert (told["severity"], told["numbers"]["each"]) == (
-        "note",
-        "cam1 30, cam2 60, cam3 25, cam4 50",
-    )
+    assert not [one for one in read_report(tmp_path / "out")["findings"] if "rate" in one["kind"]]
 
 
 def test_calibrate_finds_clocks_in_frames_of_each_camera(room, tmp_path):

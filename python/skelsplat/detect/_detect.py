@@ -192,10 +192,7 @@ def _compare(written: Sequence[Detected]) -> None:
         sentence += "instant, refine only the frames that all of them have."
         warn(Finding("videos_differ_in_length", numbers={"each": each}, sentence=sentence))
     if each := _different(written, [round(one.frame_rate or 0.0, 2) for one in written]):
-        sentence = (
-            f"The videos have different frame rates ({each}): their detections will be compared at the "
-        )
-        sentence += "instants of the slowest."
+        sentence = f"The videos have different frame rates ({each}): refine goes by the slowest."
         warn(Finding("frame_rates_differ", "note", numbers={"each": each}, sentence=sentence))
 
 

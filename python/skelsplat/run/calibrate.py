@@ -231,8 +231,7 @@ def calibrate_cameras(
         asked = {"stature": stature, "distance": distance, "same_focal": same_focal}
         result, offsets = _calibrated(seen, clock, asked)
     if not math.isfinite(result.scale_sigma):
-        layout = first.detections.skeleton.name
-        expected = f"that of two cameras, because {layout} lacks the proportions of people"
+        expected = f"that of two cameras, as {first.detections.skeleton.name} lacks people's proportions"
         raise InvalidInputError(f"distance: expected {expected}, got none")
     # places of lenses are ignored
     kept = [one for k, one in enumerate(warnings) if one.kind != "unit_wrong" and one not in warnings[:k]]

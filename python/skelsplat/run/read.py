@@ -269,24 +269,20 @@ def open_at_rates(
 
 
 def _tell_of_rates(found: Detections, stated: str) -> None:
-    """Tell that cameras of different rates were put in step, or that files contradict the given rate."""
+    """Tell of rates that differ as ``stated`` by files or videos, or by files if one was given for all."""
     files = {name: view.rate for name, view in found.views.items() if view.rate}
-    rates = found.rates if found.paces else files
+    rates = found.rates if stated else files
     each = ", ".join(f"{name} {round(one, 3):g}" for name, one in rates.items())
-    numbers: dict[str, Any] = {"stated_by": stated or None, "each": each}
-    if found.paces:
-        remedy = (Remedy("fps", None),) if stated else ()
-        words = (
-            f"The cameras have different frame rates ({each}): detections are compared at the instants of "
+    numbers: dict[str, Any] = {"stated_by": stated or "files", "each": each}
+    if stated and found.paces:
+        words = f"The {stated} state different frame rates ({each}): detections are compared at the instants "
+        words += (
+            f"of the slowest, {found.frame_rate:g} per second. If the rates are wrong, state the right ones."
         )
-        words += f"the slowest, {found.frame_rate:g} per second."
-        words += f" If the rates that the {stated} state are wrong, state the right ones." if stated else ""
+        remedy = (Remedy("fps", None),)
         warn(Finding("frame_rates_differ", "note", numbers=numbers, remedy=remedy, sentence=words))
-    elif files and one_rate([*files.values()]) is None:
-        words = (
-            f"The files state different frame rates ({each}), but one was given for all, so frames of the "
-        )
-        words += "same number are compared."
+    elif not stated and not found.paces and files and one_rate([*files.values()]) is None:
+        words = f"The files state different frame rates ({each}), and one was given for all."
         warn(Finding("frame_rates_differ", "warning", numbers=numbers, sentence=words))
 
 
