@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -115,12 +115,16 @@ def shifted(view: Array, clock: float, pace: float = 1.0, steps: int | None = No
     count = len(view) if steps is None else steps
     out = np.full((count, *view.shape[1:]), np.nan)
     there, own, beside, parts = Clock(-clock, pace).between(np.arange(count), np.arange(len(view)))
-    for t in np.flatnonzero(there):
-        out[t] = view[own[t]]
-        if own[t] != beside[t]:
-            mine, others = (list(view[f].reshape(-1, *view.shape[-2:])) for f in (own[t], beside[t]))
-            out[t] = np.reshape(between(mine, others, parts[t]), view.shape[1:])
+    out[there] = view[own[there]]
+    for t in np.flatnonzero(there & (own != beside)):
+        mine, others = (list(view[f].reshape(-1, *view.shape[-2:])) for f in (own[t], beside[t]))
+        out[t] = np.reshape(between(mine, others, parts[t]), view.shape[1:])
     return out
+
+
+def in_step(seen: Array, clocks: Mapping[int, float]) -> Array:
+    """Return views of detections (T, M, …), by their places and clocks, at one time each, (T, M', …)."""
+    return np.stack([shifted(seen[:, i], clock) for i, clock in clocks.items()], axis=1)
 
 
 def retimed(detections: Sequence[ArrayLike], fps: Sequence[float]) -> tuple[Array, float]:

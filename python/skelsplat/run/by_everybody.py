@@ -10,7 +10,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, medians
-from skelsplat._clocks import shifted
+from skelsplat._clocks import in_step
 from skelsplat._who import GAP, one_after_another
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.findings import Finding
@@ -87,8 +87,9 @@ def _by_everybody(
         if supposed is None:
             break
         clocks = [round(one.clock) for one in found.report]  # frames ahead, shown or suspected
-        right, _ = everybody(in_mm(supposed), _moved(people, clocks), layout)
-        before, everyone = everyone, tuple(_moved(one, [-clock for clock in clocks]) for one in right)
+        right, _ = everybody(in_mm(supposed), in_step(people, dict(enumerate(clocks))), layout)
+        back = {i: -clock for i, clock in enumerate(clocks)}
+        before, everyone = everyone, tuple(in_step(one, back) for one in right)
         pairs = zip(everyone, before, strict=False)
         if len(everyone) == len(before) and all(np.array_equal(*pair, equal_nan=True) for pair in pairs):
             break
@@ -107,11 +108,6 @@ def _supposed(rig: sk.CameraRig, found: sk.RigAdjustment) -> sk.CameraRig | None
         turned = matrix_from_vector(np.radians(one.turn)) @ rig[i].R
         cameras[i] = altered(rig[i], R=turned, t=-turned @ (rig[i].centre + one.shift))
     return replace(rig, cameras=cameras, clocks={})
-
-
-def _moved(seen: Array, clocks: Sequence[int]) -> Array:
-    """Return what every camera (T, M, …) sees so many frames later; NaN beyond the ends."""
-    return np.stack([shifted(seen[:, i], clock) for i, clock in enumerate(clocks)], axis=1)
 
 
 def _part_seen(people: Array, everyone: Sequence[Array]) -> Array:

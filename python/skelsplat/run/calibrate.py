@@ -13,7 +13,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, take_people
-from skelsplat._clocks import shifted
+from skelsplat._clocks import in_step, shifted
 from skelsplat._frozen import frozen, frozen_finding
 from skelsplat._who import GAP, one_after_another
 from skelsplat._words import size_text
@@ -28,7 +28,7 @@ from skelsplat.run.calibrate_findings import of_calibration, of_moved
 from skelsplat.run.cameras import warn_of_place
 from skelsplat.run.job import IncompleteJobError
 from skelsplat.run.person import are_people, entry_of, pick_places
-from skelsplat.run.read import open_at_rates, open_recording, read_rig, videos_beside
+from skelsplat.run.read import open_at_rates, open_recording, read_as, read_rig, videos_beside
 from skelsplat.run.session import different, padded
 from skelsplat.run.solve import evened, step_of
 
@@ -81,13 +81,10 @@ class Calibrated:
 
     def in_step(self) -> Iterator[Array]:
         """Yield each person's detections (T, M, N, 3), those of all cameras at one time each."""
-        step = step_of(self.frames)
-        clocks = [one.clock / step / self.paces.get(one.name, 1.0) for one in self.found.report]
+        step, report = step_of(self.frames), enumerate(self.found.report)
+        clocks = {i: one.clock / step / self.paces.get(one.name, 1.0) for i, one in report}
         for person in self.found.people:
-            views = [
-                shifted(person[:, i], clock) if clock else person[:, i] for i, clock in enumerate(clocks)
-            ]
-            yield np.stack(views, axis=1)
+            yield in_step(person, clocks)
 
     def write_html(self, path: str | Path, facts: Sequence[tuple[str, str]] = ()) -> None:
         """Write a page with the cameras in 3D, their error ellipsoids, and what pairs of them explain.
@@ -133,8 +130,7 @@ class _Recording:
     @property
     def read_as(self) -> ReadAs:
         """How they are read."""
-        found = self.detections
-        return ReadAs(found.labels, found.offsets, found.uneven, found.paces)
+        return read_as(self.detections)
 
 
 @dataclass(frozen=True)
@@ -373,7 +369,7 @@ def _named(
     if len(labels) - len(left_out) < 2:
         raise DatasetError(detections, "cameras", "at least two cameras", len(labels) - len(left_out))
     kept = {name: label for name, label in labels.items() if name not in left_out}
-    opened, _ = open_at_rates(detections, list(kept), order=list(kept.values()), **given)
+    opened = open_at_rates(detections, list(kept), order=list(kept.values()), **given)
     sizes = _sizes(opened, detections, videos, size)
     lenses = tuple(sk.Intrinsics(size=sizes[name], name=name) for name in kept)
     unnamed = all(label.isdecimal() for label in labels.values())

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from skelsplat.findings import Finding, Remedy, Subject, collected_warnings, war
 from skelsplat.io import PoseData, read_npz
 from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.detections import Opened as Detections
-from skelsplat.io.detections import Rates, View, camera_called, cameras_called, is_among, open_detections
+from skelsplat.io.detections import View, camera_called, cameras_called, is_among, open_detections
 from skelsplat.io.video import FrameSource, find_videos, open_source
 from skelsplat.rig_check import ReadAs
 from skelsplat.run.image_sizes import in_calibrated_pixels
@@ -86,7 +87,6 @@ class Opened:
     every: sk.CameraRig
     rig: sk.CameraRig  # without those that are left out
     detections: Detections
-    rate: tuple[float | None, str]  # frames per second, None if unknown, and what states them, as of `Inputs`
     unread: tuple[str, ...] = ()  # cameras that are left out and could not be read
 
     @property
@@ -97,13 +97,12 @@ class Opened:
     @property
     def read_as(self) -> ReadAs:
         """How the detections are read, with what was added to the cameras' frame numbers."""
-        found = self.detections
-        return ReadAs(found.labels, found.offsets, found.uneven, found.paces)
+        return read_as(self.detections)
 
     def nobody(self, job: Job) -> Inputs:
         """Return the inputs of all frames with nobody detected."""
         found, layout = self.detections, self.detections.skeleton
-        init, (rate, stated) = None, self.rate
+        init, rate, stated = None, found.frame_rate, found.stated
         if job.init is not None:
             init = _read_init(Path(job.init), self.rig, len(found.frames), layout)
             if job.fps is None and stated != "files" and init.frame_rate is not None:
@@ -171,14 +170,13 @@ def open_recording(
     if len(every) < 2:
         raise DatasetError(calibration, "cameras", "at least two cameras", len(every))
     unread = unread_in(told)
-    found, stated = open_at_rates(detections, every, without=without, unread=unread, **given)
+    found = open_at_rates(detections, every, without=without, unread=unread, **given)
     unread += tuple(one for one in without if not is_among(one, (*every.names, *unread)))
     _note_clocks(calibration, every, given.get("offsets") or {})
     every = replace(every, clocks={})
     rig = leave_out(every, without, unread)
     cropped = {name for one in told if one.kind == "crop_applied" for name in one.subject.cameras}
-    rate = found.frame_rate, stated
-    return Opened(every, rig, in_calibrated_pixels(found, every, cropped), rate, unread)
+    return Opened(every, rig, in_calibrated_pixels(found, every, cropped), unread)
 
 
 def _note_clocks(path: Path, rig: sk.CameraRig, given: Collection[str]) -> None:
@@ -248,28 +246,21 @@ def leave_out(rig: sk.CameraRig, without: Sequence[str], unread: Sequence[str] =
     return rig.of(kept) if without else rig
 
 
-def open_at_rates(
-    detections: Path, cameras: sk.CameraRig | Sequence[str], *, fps: Rates = None, **given: Any
-) -> tuple[Detections, str]:
-    """Open detections, and return what states frame rates but for the user: the files, or videos beside them.
-
-    Tells of rates that differ.
-    """
-    stated = "files"
-
-    def of_videos(views: Mapping[str, View]) -> dict[str, float]:
-        nonlocal stated
-        stated = "videos"
-        return _rates_of_videos(detections, views)
-
-    found = open_detections(detections, cameras, fps=fps, rates_of=of_videos, **given)
-    known = fps is not None or found.frame_rate is None
-    _tell_of_rates(found, "" if known else stated)
-    return found, "" if known else stated
+def read_as(found: Detections) -> ReadAs:
+    """Return how detections are read."""
+    return ReadAs(found.labels, found.offsets, found.uneven, found.paces)
 
 
-def _tell_of_rates(found: Detections, stated: str) -> None:
-    """Tell of rates that differ as ``stated`` by files or videos, or by files if one was given for all."""
+def open_at_rates(path: Path, cameras: sk.CameraRig | Sequence[str], **given: Any) -> Detections:
+    """Open detections, at rates of videos beside them if nothing else is known; tell of those that differ."""
+    found = open_detections(path, cameras, rates_of=partial(_rates_of_videos, path), **given)
+    _tell_of_rates(found)
+    return found
+
+
+def _tell_of_rates(found: Detections) -> None:
+    """Tell of rates that differ as files or videos state them, or as files do, if one was given for all."""
+    stated = found.stated
     files = {name: view.rate for name, view in found.views.items() if view.rate}
     rates = found.rates if stated else files
     each = ", ".join(f"{name} {round(one, 3):g}" for name, one in rates.items())

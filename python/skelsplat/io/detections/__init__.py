@@ -190,7 +190,7 @@ def open_detections(
 
     Cameras that are ``unread`` are left out as well: the calibration has them, but they could not be read.
     Those that only the detections have are left out by their names there. ``rates_of`` tells the frame rates
-    of views if nothing else does.
+    of videos if nothing else does.
     """
     one_of("frames", frames, FRAME_MODES)
     names = [*_camera_names(cameras, ordered=order is not None), *unread]
@@ -213,12 +213,12 @@ def open_detections(
             name: one.size for name, one in zip(names, cameras, strict=False) if isinstance(one, sk.Camera)
         }
         views = {name: view.in_pixels(sizes.get(name)) for name, view in read(labels).items()}
-        rates = check_rates(fps, names, views, rates_of)
+        rates, stated = check_rates(fps, names, views, rates_of)
         clocks = clocks_of(views, shifts, rates)
         numbers = shared_frames(root, there.kind, views, labels, frames, clocks)
         chosen = choose_layout(layout, views.values(), root, form.name)
     joints = check_mapping(mapping, chosen)
-    return Opened(root, views, labels, numbers, shifts, clocks, rates, chosen, joints, form.name)
+    return Opened(root, views, labels, numbers, shifts, clocks, rates, stated, chosen, joints, form.name)
 
 
 def _camera_names(cameras: Sequence[sk.Camera] | Sequence[str], *, ordered: bool) -> list[str]:

@@ -53,23 +53,24 @@ def check_rates(
     given: float | Mapping[str, float] | None,
     names: Sequence[str],
     views: Mapping[str, View],
-    otherwise: Callable[[Mapping[str, View]], Mapping[str, float]],
-) -> dict[str, float]:
-    """Return frames per second by camera: as given, else as files state them, else, if none does, others."""
+    of_videos: Callable[[Mapping[str, View]], Mapping[str, float]],
+) -> tuple[dict[str, float], str]:
+    """Return frames per second by camera, as given or as files, or else videos, state them; and which."""
     if given is not None and not isinstance(given, Mapping):
         positive("fps", given)
-        return dict.fromkeys(views, float(given))
-    rates = {name: view.rate for name, view in views.items() if view.rate}
+        return dict.fromkeys(views, float(given)), ""
+    rates = {name: view.rate for name, view in views.items() if view.rate and view.rate > 0}
     for text, rate in (given or {}).items():
         name = camera_called(text, names, "fps")
         positive(f"fps[{name}]", rate)
         rates |= {name: float(rate)} if name in views else {}
-    rates = rates or dict(otherwise(views))
+    stated = "" if given else "files" if rates else "videos"
+    rates = rates or dict(of_videos(views))
     lacking = [name for name in views if name not in rates]
     if lacking and (given or one_rate([*rates.values()]) is None) and rates:
         each = ", ".join(f"{name} {round(rate, 3):g}" for name, rate in rates.items())
         raise InvalidInputError(f"fps: expected that of {', '.join(lacking)} as well, got {each}")
-    return rates
+    return rates, stated if rates else ""
 
 
 def clocks_of(

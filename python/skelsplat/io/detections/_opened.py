@@ -76,6 +76,7 @@ class Opened:
     offsets: Mapping[str, float]  # by camera, what was added to its frame numbers; 0 if not named
     clocks: Mapping[str, Clock]  # by camera
     rates: Mapping[str, float]  # by camera, frames per second, where they are known
+    stated: str  # what states them: "files", "videos", or nothing if the user does, or if they are unknown
     skeleton: sk.Layout
     mapping: Mapping[str, Joint]  # as of `read_detections`
     format: str
