@@ -63,7 +63,8 @@ class Clock:
         away = near - own + rest
         there = own == near if self.pace == 1.0 or step == _FAR else np.abs(away) <= step / 2
         beside = own + np.sign(away).astype(np.int64) * step
-        return there, own, np.where(np.isin(beside, known), beside, own), np.abs(away) / step
+        beside = np.where(there & np.isin(beside, known), beside, own)
+        return there, own, beside, np.abs(away) / step
 
 
 def one_rate(rates: Sequence[float]) -> float | None:
@@ -116,7 +117,7 @@ def shifted(view: Array, clock: float, pace: float = 1.0, steps: int | None = No
     out = np.full((count, *view.shape[1:]), np.nan)
     there, own, beside, parts = Clock(-clock, pace).between(np.arange(count), np.arange(len(view)))
     out[there] = view[own[there]]
-    for t in np.flatnonzero(there & (own != beside)):
+    for t in np.flatnonzero(own != beside):
         mine, others = (list(view[f].reshape(-1, *view.shape[-2:])) for f in (own[t], beside[t]))
         out[t] = np.reshape(between(mine, others, parts[t]), view.shape[1:])
     return out

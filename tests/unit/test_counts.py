@@ -13,14 +13,14 @@ from planted import FAULTS
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 39_804,
-    "cli": 3_775,
+    "package": 40_036,
+    "cli": 3_787,
     "core": 19_811,
     "binding": 2_760,
     "Rust tests": 5_996,
-    "Python tests": 28_028,
-    "benchmarks and tools": 4_510,
-    "docs, words": 41_988,
+    "Python tests": 28_293,
+    "benchmarks and tools": 4_520,
+    "docs, words": 41_987,
     "README, words": 1_462,
 }
 

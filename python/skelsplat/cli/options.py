@@ -229,23 +229,19 @@ def option_of(remedy: Remedy) -> Option | None:
 
 
 CALIBRATION = tuple(row for row in JOB if row.panel == "Calibration")
+_OF_DIFFERENT = "Frame rate, which calibrate --clock needs. Of cameras that differ: cam1=30,cam2=60."
 _JUDGED_BY = """
     Input:
     * --person WHO  By whom the cameras are judged. everybody: all on whom three views agree; consistent: only
         the person on whom they agree best; largest: the largest in each image; entry:N: entry N of
         each file, from 0. [= everybody]
     """
-_RATE = """
-    Input:
-    --fps HZ  Frame rate, which calibrate --clock needs. Of cameras that differ: cam1=30,cam2=60.
-        [as files or videos state it]
-    """
 RECORDING = (
     *of_job("layout"),
     *rows(_JUDGED_BY),
     replace(_BY_NAME["frames"], default="union"),
     *of_job("format", "offsets", "order", "without", "mapping", "sequence"),
-    *rows(_RATE, fps={"kind": str, "read": _rates}),
+    replace(_BY_NAME["fps"], panel="Input", common=False, help=_OF_DIFFERENT),
 )
 """The options of check-cameras and adjust-cameras for reading detections."""
 RECORDINGS = rows(
