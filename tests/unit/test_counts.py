@@ -13,12 +13,12 @@ from planted import FAULTS
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 40_036,
-    "cli": 3_787,
+    "package": 40_037,
+    "cli": 3_788,
     "core": 19_811,
     "binding": 2_760,
     "Rust tests": 5_996,
-    "Python tests": 28_293,
+    "Python tests": 28_295,
     "benchmarks and tools": 4_520,
     "docs, words": 41_987,
     "README, words": 1_462,

@@ -86,7 +86,9 @@ def test_poses_are_as_good_as_with_one_rate(path):
 def test_a_run_puts_rates_and_offsets_right(room, path, tmp_path):
     offsets = [word for name, late in LATE.items() for word in ("--offset", f"{name}={-late}")]
     command = ["refine", room / "Calib.toml", room / "late", *READ, *offsets, "--no-html", "--write", "csv"]
-    succeed(*command, "--fps", FPS, "-o", tmp_path / "out")
+    rates = "\n".join(f"{name} = {rate}" for name, rate in RATES.items())
+    (tmp_path / "run.toml").write_text(f"[refine.fps]\n{rates}\n")
+    succeed(*command, "--config", tmp_path / "run.toml", "-o", tmp_path / "out")
     report = read_report(tmp_path / "out")["input"]
     assert (report["frame_rate_hz"], report["frame_rates_hz"]) == (25, RATES)
     poses = read_npz(tmp_path / "out" / "pose.npz")

@@ -170,8 +170,9 @@ JOB = rows(
     --max-steps N
     --threads 1..1024  [all cores]
     Over time:
-    * --fps HZ  Frame rate. If it is known, the recording is solved over time: bones keep their length and
-        joints move smoothly. Of cameras that differ: cam1=30,cam2=60. [as files or videos state it]
+    * --fps HZ|CAMERA=HZ,…  Frame rate, or those of cameras that differ: cam1=30,cam2=60. If it is known,
+        the recording is solved over time: bones keep their length and joints move smoothly. [as files or
+        videos state it]
     --frame-by-frame  Solve each frame alone, even if the frame rate is known. --paper always does.
     * --fill-gaps N  Fill gaps of at most N frames. The results mark these joints as filled. [none]
     --fill-weak  Also treat weak joints as gaps.
@@ -229,7 +230,7 @@ def option_of(remedy: Remedy) -> Option | None:
 
 
 CALIBRATION = tuple(row for row in JOB if row.panel == "Calibration")
-_OF_DIFFERENT = "Frame rate, which calibrate --clock needs. Of cameras that differ: cam1=30,cam2=60."
+_OF_CAMERAS = "Frame rate, which calibrate --clock needs, or those of cameras that differ: cam1=30,cam2=60."
 _JUDGED_BY = """
     Input:
     * --person WHO  By whom the cameras are judged. everybody: all on whom three views agree; consistent: only
@@ -241,7 +242,7 @@ RECORDING = (
     *rows(_JUDGED_BY),
     replace(_BY_NAME["frames"], default="union"),
     *of_job("format", "offsets", "order", "without", "mapping", "sequence"),
-    replace(_BY_NAME["fps"], panel="Input", common=False, help=_OF_DIFFERENT),
+    replace(_BY_NAME["fps"], panel="Input", common=False, help=_OF_CAMERAS),
 )
 """The options of check-cameras and adjust-cameras for reading detections."""
 RECORDINGS = rows(
