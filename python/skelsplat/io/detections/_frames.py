@@ -58,7 +58,7 @@ def check_rates(
     """Return frames per second by camera, as given or as files, or else videos, state them; and which."""
     if given is not None and not isinstance(given, Mapping):
         positive("fps", given)
-        return dict.fromkeys(views, float(given)), ""
+        return dict.fromkeys(views, given), ""
     rates = {name: view.rate for name, view in views.items() if view.rate and view.rate > 0}
     for text, rate in (given or {}).items():
         name = camera_called(text, names, "fps")
