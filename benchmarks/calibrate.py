@@ -7,9 +7,10 @@
 Simulated: ten seconds (with clocks: twenty, started up to ten apart) at 30 Hz of CMU takes of one subject,
 each begun where the one before ended (without the data: the package's synthetic motions), and detections with
 memory (`recordings.noise`). A case says what is known: `known` or unknown focal lengths, `focal`, or `same`
-of all; `wide` lenses of 60 to 110° instead of the room's 47°; `occluded 2`, `occluded 3`; `clocks`;
-`useless`: one camera sees another take; `knocked`: one is turned by 3° between 0.3 and 0.7 of the time, and
-right as in the longer part; named: it is, or any other. *moves*: the person covers a metre along an axis.
+of all; `wide` lenses of 60 to 110° instead of the room's 47°; `occluded 2`, `occluded 3`; `clocks`; `rates`:
+cameras of 30, 60, 25 and 50 Hz; `useless`: one camera sees another take; `knocked`: one is turned by 3°
+between 0.3 and 0.7 of the time, and right as in the longer part; named: it is, or any other. *moves*: the
+person covers a metre along an axis.
 
 Several people: a case with `2 people` or `3 people`, `simulate_scene` in a ring of cameras at one height, and
 with `bystander` one whom two cameras see. oracle: the same with the true association, which is not given
@@ -55,6 +56,7 @@ from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.exceptions import DegenerateGeometryError
 
 FPS, FRAMES, SPREAD_S, MOVES_MM = 30.0, 300, 5.0, 1000.0
+RATES = (30.0, 60.0, 25.0, 50.0)
 # Frames in which one take passes into the next, and headings of which the one is taken that stays nearest.
 BLEND, HEADINGS = 15, 24
 WIDE_DEG, KNOCKED_DEG = (60.0, 110.0), 3.0
@@ -129,7 +131,8 @@ def simulated(views: int, seed: int, case: str) -> Recording:
         lenses = [np.array([[zoom, 1, 1], [1, zoom, 1], [1, 1, 1]]) for zoom in zooms]
         cameras = [altered(c, K=c.K * lens) for c, lens in zip(cameras, lenses, strict=True)]
     condition = next((one for one in case.split(", ") if one.startswith("occluded")), "good")
-    detector, late = recordings.noise(condition, views, FPS), np.zeros(views)
+    rates = [RATES[i % len(RATES)] if "rates" in case else FPS for i in range(views)]
+    late = np.zeros(views)
     if "clocks" in case:
         late[1:] = rng.uniform(-SPREAD_S, SPREAD_S, views - 1) * FPS
     extra = round(SPREAD_S * FPS) + 1 if late.any() else 0
@@ -137,10 +140,11 @@ def simulated(views: int, seed: int, case: str) -> Recording:
     poses = recordings.placed(motion(frames + 2 * extra, seed), sk.CameraRig(cameras), seed)
 
     def seen(poses: FloatArray, i: int, cameras: Sequence[sk.Camera] = cameras) -> FloatArray:
-        moved = at(poses, -late[i])[extra : extra + frames]
+        moved = at(poses, extra - late[i], FPS / rates[i])[: round(frames * rates[i] / FPS)]
+        detector = recordings.noise(condition, views, rates[i])
         return synthetic.simulate_detections(moved, cameras, noise=detector, layout="h36m17", seed=seed)[:, i]
 
-    detections = np.stack([seen(poses, i) for i in range(views)], axis=1)
+    detections, rate = sk.retimed([seen(poses, i) for i in range(views)], rates)
     useless = int(rng.integers(views)) if "useless" in case else None
     if useless is not None:
         other = motion(frames + 2 * extra, 10_000 + seed)
@@ -154,7 +158,8 @@ def simulated(views: int, seed: int, case: str) -> Recording:
         since = round(frames * rng.uniform(0.3, 0.7))
         detections[since:, knocked] = seen(poses, knocked, after)[since:]
         cameras = before if 2 * since > frames else after
-    return Recording(detections, cameras, late, poses[extra : extra + frames], useless, knocked)
+    truth = at(poses, extra, FPS / rate)[: len(detections)]
+    return Recording(detections, cameras, late * rate / FPS, truth, useless, knocked, fps=rate)
 
 
 def crowded(views: int, seed: int, case: str) -> Recording:

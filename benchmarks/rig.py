@@ -115,9 +115,9 @@ def case(views: int, kind: str, size: float, condition: str, seed: int, another:
     return Case(true, given, late, faulty, detections)
 
 
-def at(poses: FloatArray, shift: float) -> FloatArray:
-    """Return the motion `shift` frames later, between two frames along a line."""
-    when = np.clip(np.arange(len(poses)) + shift, 0, len(poses) - 1)
+def at(poses: FloatArray, shift: float, pace: float = 1.0) -> FloatArray:
+    """Return the motion `shift` frames later, `pace` frames a step, between two frames along a line."""
+    when = np.clip(np.arange(0, len(poses), pace) + shift, 0, len(poses) - 1)
     k = np.floor(when).astype(int).clip(max=len(poses) - 2)
     part = (when - k)[:, None, None]
     return poses[k] * (1 - part) + poses[k + 1] * part

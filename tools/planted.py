@@ -127,8 +127,13 @@ tests/unit/test_interrupt.py
 # Readers.
 a camera's frame offset is added instead of subtracted | sign of an offset
 tests/unit/test_detections.py
--own = numbers - self._whole
-+own = numbers + self._whole
+-return numbers - whole, np.full(len(numbers), -rest)
++return numbers + whole, np.full(len(numbers), -rest)
+
+a camera's offset counts in frames of the recording | the wrong clock
+tests/unit/test_frame_rates.py
+-return near.astype(np.int64) + self.first - whole,
++return near.astype(np.int64) + self.first - round(whole * self.pace),
 
 the frame number is the first integer in a file name instead of the last | off by one in a reader
 tests/unit/test_detections.py, tests/unit/test_openpose.py

@@ -7,6 +7,7 @@ Gaussian at the 2D detection. The public names are the ones listed in ``__all__`
 from skelsplat import layouts, metrics, synthetic
 from skelsplat._angles import JointAngles, joint_angles
 from skelsplat._calibrate import CalibratedCamera, Intrinsics, RigCalibration, calibrate_cameras
+from skelsplat._clocks import retimed
 from skelsplat._people import Person, Tracker, track
 from skelsplat._refine import LossAndGradient, Refinement, Refiner, loss_and_gradient, refine
 from skelsplat._rig import CameraAdjustment, RigAdjustment, adjust_cameras
@@ -71,6 +72,7 @@ __all__ = [
     "refine_batches",
     "refine_sequence",
     "render",
+    "retimed",
     "synthetic",
     "track",
     "triangulate",

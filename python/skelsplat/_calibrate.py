@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from skelsplat import layouts
 from skelsplat._arrays import Array, numbers, positive
-from skelsplat._clocks import shifted
+from skelsplat._clocks import in_step
 from skelsplat._frozen import frozen, without_frozen
 from skelsplat._placing import Task
 from skelsplat._skelsplat import Camera, Layout, RefineConfig, triangulate
@@ -163,9 +163,7 @@ class RigCalibration:
     def synchronised(self, detections: ArrayLike) -> Array:
         """Return the placed cameras' detections (T, M', …, N, 2|3) of (T, M, …, N, 2|3) at one time each."""
         seen = numbers(detections, "detections")
-        placed = [i for i, one in enumerate(self.report) if one.status == "placed"]
-        views = [shifted(seen[:, i], self.report[i].clock) for i in placed]
-        return np.stack(views, axis=1)
+        return in_step(seen, {i: one.clock for i, one in enumerate(self.report) if one.status == "placed"})
 
 
 def calibrate_cameras(
@@ -352,8 +350,7 @@ def _in_world(
 def _joints(one: Array, cameras: CameraRig, clocks: Mapping[int, float], part: float) -> Array:
     """Return a person's joints in part of the frames of detections (T, M, N, D), (T', N, 3)."""
     times = np.linspace(0, len(one) - 1, math.ceil(len(one) * min(1.0, part))).astype(int)
-    views = [shifted(one[:, i], clock) for i, clock in clocks.items()]
-    return triangulate(np.stack(views, axis=1)[times], cameras)
+    return triangulate(in_step(one, clocks)[times], cameras)
 
 
 def _world(floor: Floor | None, first: Camera) -> tuple[Array, Array]:

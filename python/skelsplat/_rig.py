@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from skelsplat import _skelsplat
 from skelsplat._arrays import Array, numbers
-from skelsplat._clocks import shifted
+from skelsplat._clocks import in_step
 from skelsplat._frozen import frozen, without_frozen
 from skelsplat._refine import Cameras
 from skelsplat._skelsplat import RefineConfig
@@ -98,14 +98,12 @@ class RigAdjustment:
         For parts of a frame, joints are moved in a straight line towards their place in the next or previous
         frame; those that are missing there, or that jump, stay. NaN where a camera has no such frame.
         """
-        seen = numbers(detections, "detections").copy()
+        seen = numbers(detections, "detections")
         if seen.ndim != 4 or seen.shape[1] != len(self.report) or seen.shape[3] not in (2, 3):
             expected = f"(T, {len(self.report)}, N, 2 or 3)"
             raise InvalidInputError(f"detections: expected shape {expected}, got {seen.shape}")
-        for i, camera in enumerate(self.report):
-            if camera.status in ("late", "adjusted") and camera.clock:
-                seen[:, i] = shifted(seen[:, i], camera.clock)
-        return seen
+        right = ("late", "adjusted")
+        return in_step(seen, {i: one.clock * (one.status in right) for i, one in enumerate(self.report)})
 
 
 def adjust_cameras(

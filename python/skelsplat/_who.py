@@ -17,7 +17,7 @@ import numpy as np
 
 from skelsplat import _skelsplat
 from skelsplat._arrays import Array, Index, Mask, extents, medians, take_people
-from skelsplat._clocks import shifted
+from skelsplat._clocks import in_step
 from skelsplat._skelsplat import Camera, Layout
 from skelsplat._start import (
     COMPARED,
@@ -93,9 +93,9 @@ def told_by_rig(
 ) -> list[Places]:
     """Return everybody on whom three views, or both of two, agree, by the cameras of some views."""
     views, steps = list(cameras), len(people)
-    in_step = [shifted(people[:, i], round(clocks[i])) for i in views]
+    right = in_step(people, {i: round(clocks[i]) for i in views})
     refiner = _skelsplat.Refiner(list(cameras.values()), layout=layout)
-    found, _ = _skelsplat.people_identities(refiner, layout, np.stack(in_step, axis=1), fps or _FPS)
+    found, _ = _skelsplat.people_identities(refiner, layout, right, fps or _FPS)
     everyone = []
     for first, slots in found:
         sure = (slots >= 0).sum(axis=1) >= min(_VIEWS, len(views))

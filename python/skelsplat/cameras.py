@@ -21,10 +21,10 @@ class CameraRig(Sequence[Camera]):
     """Calibrated cameras of one recording: at least one; those that have a name have different ones.
 
     `unit` is "mm", "cm" or "m", of the cameras' translations and of every 3D point that goes with them.
-    `clocks` are by name, of cameras that were not started at the same time: the frames by which a camera's
-    count is ahead, its frame f + clock is frame f of the others. Detections are put in step by them where
-    they are read from files (`skelsplat.io.read_detections`); arrays are taken as they are. What does not fit
-    is an `InvalidInputError`.
+    `clocks` are by name, of cameras that were not started at the same time: the frames, its own, by which a
+    camera's count is ahead, its frame f + clock is frame f of the others. Detections are put in step by them
+    where they are read from files (`skelsplat.io.read_detections`); arrays are taken as they are. What does
+    not fit is an `InvalidInputError`.
 
     `joint_sigma`, in `unit`, is of cameras whose places were estimated: the standard deviation per axis by
     which joints are off because of that, with a recording aligned as a whole. Error bars of poses include it.

@@ -13,14 +13,14 @@ from planted import FAULTS
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 40_054,
-    "cli": 3_890,
-    "core": 19_811,
+    "package": 40_287,
+    "cli": 3_903,
+    "core": 19_852,
     "binding": 2_760,
-    "Rust tests": 5_996,
-    "Python tests": 28_201,
-    "benchmarks and tools": 4_510,
-    "docs, words": 41_987,
+    "Rust tests": 5_997,
+    "Python tests": 28_471,
+    "benchmarks and tools": 4_520,
+    "docs, words": 41_983,
     "README, words": 1_462,
 }
 

@@ -121,6 +121,44 @@ def test_frame_numbers_offsets_and_the_first_frame(tmp_path):
         assert level(image_of(tmp_path / "out", 1, number)) == number - 102
 
 
+def rated(case, **given):
+    """State in the report how cameras of different rates are counted, and the rate of the run."""
+    path, rates = case.folder / "report.json", {"cam_01": 25.0, "cam_02": 45.0}
+    report = json.loads(path.read_text())
+    report["input"] |= {"frame_rates_hz": rates, "frame_rate_hz": 25.0, **given}
+    path.write_text(json.dumps(report))
+    return case
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_a_camera_of_another_rate_shows_its_nearest_frame(tmp_path, first):
+    """Frame f of a run at 25 Hz is frame 1.8 f of a camera at 45 Hz, here ten frames of it late."""
+    numbers = first + np.arange(FRAMES)
+    case = rated(write_run(tmp_path / "run", frames=numbers, offsets={"cam_02": -10}), counted_from=first)
+    write_images(tmp_path / "images" / "cam01", numbers, first=first)
+    write_images(tmp_path / "images" / "cam02", first + np.arange(10, 20), first=first + 10)
+    overlay(case, tmp_path / "images", tmp_path / "out", "--png", *BARE)
+    for number in numbers:
+        assert level(image_of(tmp_path / "out", 0, number)) == number - first
+        assert level(image_of(tmp_path / "out", 1, number)) == round(1.8 * (number - first))
+    overlay(case, tmp_path / "images", tmp_path / "grid", "--png", "--grid", *BARE)
+    assert len(list((tmp_path / "grid" / "grid").iterdir())) == FRAMES
+
+
+def test_the_video_of_a_faster_camera_has_the_frames_of_the_run(tmp_path):
+    case = rated(write_run(tmp_path / "run", frame_rate=25.0))
+    write_video(tmp_path / "videos" / "cam01.mp4")
+    write_video(tmp_path / "videos" / "cam02.mp4", count=10, rate=45.0)
+    overlay(case, tmp_path / "videos", tmp_path / "out", "--camera", "cam_02", *BARE)
+    frames, rate = read_video(tmp_path / "out" / "cam_02.mp4")
+    assert [level(image) for image in frames] == [0, 2, 4, 5, 7, 9]
+    assert rate == pytest.approx(25.0)
+    plain = tmp_path / "plain"
+    result = succeed("overlay", case.folder, "--plain", "-o", plain, "--png", "--no-legend", "--json")
+    assert [len(list((plain / name).iterdir())) for name in NAMES] == [FRAMES, FRAMES]
+    assert not json.loads(result.stdout)["findings"]
+
+
 @pytest.mark.parametrize(("frames", "expected"), [("2-3", [2, 3]), ("-1", [0, 1]), ("3-99", [3, 4, 5])])
 def test_some_frames(case, images, tmp_path, frames, expected):
     args = ("--png", "--camera", "cam_01", f"--range={frames}", *BARE)

@@ -139,7 +139,7 @@ def test_videos_state_the_rate(recording, job, arguments, place):
     assert run(job(fps=None)).outcome.sequence is None
     write_video(short, count=5, rate=24.0)
     found = run(job(fps=None))
-    assert found.outcome.sequence is None
+    assert (found.report["solution"]["fps"], found.report["solution"]["fps_from"]) == (24.0, "videos")
     (told,) = (one for one in found.findings if one.kind == "frame_rates_differ")
     assert told.numbers["each"] == "cam1 25, cam2 24, cam3 25, cam4 25"
     short.unlink()
@@ -162,10 +162,12 @@ def test_rates_of_files_that_differ_are_said_and_no_videos_next_to_them_count(re
         write_video(folder / "videos" / f"{name}.mp4", count=5, rate=25.0)
     detect_json(folder, {"cam1": 60, "cam2": 30, "cam3": 60, "cam4": 60.01})
     found = run(job(fps=None))
-    assert found.outcome.sequence is None
+    assert (found.inputs.fps, found.inputs.frames.tolist()) == (30, [0, 1, 2])
     (told,) = (one for one in found.findings if one.kind == "frame_rates_differ")
-    assert told.numbers["each"] == "cam1 60, cam2 30, cam3 60, cam4 60.01"
-    assert "frame_rates_differ" in [one.kind for one in run(job()).findings]  # also with --fps
+    assert (told.severity, told.numbers["each"]) == ("note", "cam1 60, cam2 30, cam3 60, cam4 60.01")
+    given = run(job())  # one rate for all, which the files contradict
+    (told,) = (one for one in given.findings if one.kind == "frame_rates_differ")
+    assert (told.severity, len(given.inputs.frames)) == ("warning", 5)
     checked = invoke("check-cameras", *arguments[1:3], *READ, "--json")
     assert "frame_rates_differ" in [one["kind"] for one in json.loads(checked.stdout)["findings"]]
     detect_json(folder, {"cam1": 60, "cam2": None, "cam3": 60, "cam4": 60.01})

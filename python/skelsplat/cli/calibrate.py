@@ -61,7 +61,6 @@ OPTIONS = (
         * --distance CAM1 CAM2 METRES  Distance of two cameras.
         Clocks:
         * --clock  Also find clocks, up to 10 s and to parts of a frame: cameras without a common trigger.
-        --fps HZ  Frame rate, which --clock needs. [as files or videos state it]
         Input:
         * --person WHO  Use one of several people. largest: the largest in each image; entry:N: entry N of
             each file, from 0. [all people]

@@ -138,8 +138,8 @@ def _value(key: str, row: Option, value: Any, folder: Path) -> Any:
         if not isinstance(value, bool):
             raise MisfitError(key, "true or false", _shown(value))
         return value
-    if row.many and "=" in row.metavar and isinstance(value, dict):
-        return [f"{left}={_text(f'{key}.{left}', right)}" for left, right in value.items()]
+    if "=" in row.metavar and isinstance(value, dict):
+        value = [f"{left}={_text(f'{key}.{left}', right)}" for left, right in value.items()]
     kinds = get_args(row.kind) or (row.kind,)
     texts = [_text(key, part) for part in (value if isinstance(value, list) else [value])]
     for place, text in enumerate(texts):

@@ -12,7 +12,7 @@ from typing import Any
 import typer
 
 from skelsplat import RefineConfig, layouts
-from skelsplat.cli.rows import NAME_OR_PATH, Option, choice, rows
+from skelsplat.cli.rows import NAME_OR_PATH, Option, choice, positive, rows
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Remedy
 from skelsplat.io.calibration import FORMATS as CALIBRATION_FORMATS
@@ -65,6 +65,17 @@ def _offsets(option: str, values: list[str]) -> dict[str, float]:
             raise typer.BadParameter(f"expected frames, like cam2=-1.25, got {text!r}", param_hint=option)
         found[camera] = float(text) if "." in text else int(text)
     return found
+
+
+def _rates(option: str, text: str) -> float | dict[str, float]:
+    """Return a frame rate, or that of each camera."""
+    try:
+        if "=" not in text:
+            return positive(option, float(text))
+        return {name: positive(option, float(rate)) for name, rate in _pairs(option, text.split(","))}
+    except ValueError as error:
+        expected = "rates, like cam1=30,cam2=59.94," if "=" in text else "a number,"
+        raise typer.BadParameter(f"expected {expected} got {text!r}", param_hint=option) from error
 
 
 def _mapping(option: str, values: list[str]) -> dict[str, str | int | None]:
@@ -161,8 +172,9 @@ JOB = rows(
     --max-steps N
     --threads 1..1024  [all cores]
     Over time:
-    * --fps HZ  Frame rate. If it is known, the recording is solved over time: bones keep their length and
-        joints move smoothly. [as files or videos state it]
+    * --fps HZ|CAMERA=HZ,…  Frame rate, or those of cameras that differ: cam1=30,cam2=60. If it is known,
+        the recording is solved over time: bones keep their length and joints move smoothly. [as files or
+        videos state it]
     --frame-by-frame  Solve each frame alone, even if the frame rate is known. --paper always does.
     * --fill-gaps N  Fill gaps of at most N frames. The results mark these joints as filled. [none]
     --fill-weak  Also treat weak joints as gaps.
@@ -198,7 +210,7 @@ JOB = rows(
     symmetry_tier={"kind": int, "limits": {"min": 0, "max": 3}},
     max_steps={"kind": int, "limits": {"min": 0}},
     threads={"name": "n_threads", "kind": int, "limits": {"min": 1}},
-    fps=float,
+    fps={"kind": str, "read": _rates},
     write={
         "read": partial(some_of, tuple(POSE_FORMATS)),
         "offers": tuple(kind for kind in POSE_FORMATS if kind != "npz"),
@@ -221,6 +233,7 @@ def option_of(remedy: Remedy) -> Option | None:
 
 
 CALIBRATION = tuple(row for row in JOB if row.panel == "Calibration")
+_OF_CAMERAS = "Frame rate, which calibrate --clock needs, or those of cameras that differ: cam1=30,cam2=60."
 _JUDGED_BY = """
     Input:
     * --person WHO  By whom the cameras are judged. everybody: all on whom three views agree; consistent: only
@@ -232,6 +245,7 @@ RECORDING = (
     *rows(_JUDGED_BY),
     replace(_BY_NAME["frames"], default="union"),
     *of_job("format", "offsets", "order", "without", "mapping", "sequence"),
+    replace(_BY_NAME["fps"], panel="Input", common=False, help=_OF_CAMERAS),
 )
 """The options of check-cameras and adjust-cameras for reading detections."""
 RECORDINGS = rows(

@@ -194,9 +194,8 @@ def _compare(written: Sequence[Detected]) -> None:
         sentence += "instant, refine only the frames that all of them have."
         warn(Finding("videos_differ_in_length", numbers={"each": each}, sentence=sentence))
     if each := _different(written, [round(one.frame_rate or 0.0, 2) for one in written]):
-        sentence = f"The videos have different frame rates ({each}): frames of the same number, which are "
-        sentence += "compared, are then not of the same instant."
-        warn(Finding("frame_rates_differ", numbers={"each": each}, sentence=sentence))
+        sentence = f"The videos have different frame rates ({each}): refine goes by the slowest."
+        warn(Finding("frame_rates_differ", "note", numbers={"each": each}, sentence=sentence))
 
 
 def _different(written: Sequence[Detected], values: Sequence[float]) -> str:

@@ -24,6 +24,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Array, Index
 from skelsplat._atomic import atomic_write, atomic_write_text
+from skelsplat._clocks import Clock
 from skelsplat._fields import FRAME_LIMIT, Field
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._arrays import RowFile, write_npz
@@ -70,9 +71,15 @@ class RunFolder:
         return bool(self.report["settings"]["undistort"])
 
     @property
-    def offsets(self) -> dict[str, int]:
-        """By camera, whole frames that were added to its numbers to get those of the run; 0 if not named."""
-        return {name: round(offset) for name, offset in (self.report["input"].get("offsets") or {}).items()}
+    def clocks(self) -> dict[str, Clock]:
+        """How each camera counts, against the frames of the run."""
+        given = self.report["input"]
+        offsets, rates = (given.get(name) or {} for name in ("offsets", "frame_rates_hz"))
+        slowest, first = min(rates.values(), default=1.0), given.get("counted_from", 0)
+        return {
+            name: Clock(offsets.get(name, 0), rates.get(name, slowest) / slowest, first)
+            for name in self.rig.names
+        }
 
 
 def write_run_inputs(
@@ -159,8 +166,14 @@ def _read_report(path: Path) -> Field:
     settings, given = (report[key].table() for key in ("settings", "input"))
     if not isinstance(settings["undistort"].value, bool):
         raise settings["undistort"].error("true or false", settings["undistort"].shown)
-    offsets = given["offsets"].table() if given.value.get("offsets") else Field(path, "", {})
-    for name in offsets.value:
-        if not abs(offsets[name].number()) < FRAME_LIMIT:
-            raise offsets[name].error("a number of frames", offsets[name].shown)
+    for key, least, expected in (
+        ("offsets", -FRAME_LIMIT, "a number of frames"),
+        ("frame_rates_hz", 0, "a frame rate"),
+    ):
+        table = given[key].table() if given.value.get(key) else Field(path, "", {})
+        for name in table.value:
+            if not least < table[name].number() < FRAME_LIMIT:
+                raise table[name].error(expected, table[name].shown)
+    if "counted_from" in given:
+        given["counted_from"].index()
     return report

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,6 +20,9 @@ _OF_FILES = (
     *("unit_wrong", "pose_convention", "images_changed", "cameras_exchanged", "recording_other"),
     *("detections_same", "sides_swapped", "no_detections"),
 )
+
+
+Reported = TypeVar("Reported", sk.CalibratedCamera, sk.CameraAdjustment)
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,15 @@ class ReadAs:
     labels: tuple[str | None, ...] = ()  # folder, file or place in it of each camera, as of ``order``
     offsets: Mapping[str, float] = field(default_factory=dict)  # by camera, frames added to its numbers
     uneven: bool = False  # cameras have different frames in the files
+    paces: Mapping[str, float] = field(default_factory=dict)  # by camera, its frames in one of the recording
+
+    def in_files(self, report: Iterable[Reported], step: int) -> list[Reported]:
+        """Return cameras with clocks in their own frames, not in every so many-th of the recording."""
+        own = []
+        for one in report:
+            pace = step * self.paces.get(one.name, 1.0)
+            own.append(replace(one, clock=one.clock * pace, clock_sigma=one.clock_sigma * pace))
+        return own
 
     def offset_remedy(self, camera: str, offset: float) -> tuple[Remedy, ...]:
         """Return what corrects the clock of a camera: its offset, and the frames that all then have."""
@@ -112,8 +125,11 @@ def with_remedies(report: RigReport, read_as: ReadAs) -> RigReport:
     owners: Mapping[str, str] = exchanged[-1] if exchanged else {}
     # the offsets with which the detections that belong to a camera were read
     given = {row.name: read_as.offsets.get(owners.get(row.name, row.name), 0) for row in report.cameras}
+    paces = {row.name: read_as.paces.get(owners.get(row.name, row.name), 1) for row in report.cameras}
     options = {
-        row.name: rounded(given[row.name] - row.best_offset) for row in report.cameras if row.best_offset
+        row.name: rounded(given[row.name] - paces[row.name] * row.best_offset)
+        for row in report.cameras
+        if row.best_offset
     }
     findings = []
     for finding in report.findings:

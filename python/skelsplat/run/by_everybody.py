@@ -10,7 +10,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, medians
-from skelsplat._clocks import shifted
+from skelsplat._clocks import in_step
 from skelsplat._who import GAP, one_after_another
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.findings import Finding
@@ -44,18 +44,15 @@ class Scene:
 
         A camera that is far off sees strangers in people's places: people are told apart anew where it may
         be, and one that does not see them then is doubtful, or ``"unseen"`` if it was not changed. One moved
-        while it recorded is ``"knocked"``, and stays. Clocks are in frames of the files; ``given`` are
-        arguments of `skelsplat.adjust_cameras`.
+        while it recorded is ``"knocked"``, and stays. Clocks are in a camera's own frames in the files;
+        ``given`` are arguments of `skelsplat.adjust_cameras`.
         """
-        step = step_of(self.frames)
         people, frames = evened(self.people, self.frames)
         found, everyone = _by_everybody(self.rig, people, self.layout, given)
         if len(self.rig) > 2 and not given.get("free"):
             found = _knocked(self.rig, found, everyone, frames, given)
         period = len(frames) + GAP  # of the people one after another
-        report = [
-            replace(one, clock=one.clock * step, clock_sigma=one.clock_sigma * step) for one in found.report
-        ]
+        report = self.read_as.in_files(found.report, step_of(self.frames))
         for i, one in enumerate(report):
             if one.status == "unsteady" and one.since is not None:
                 since = min(one.since % period, len(frames) - 1)
@@ -90,8 +87,9 @@ def _by_everybody(
         if supposed is None:
             break
         clocks = [round(one.clock) for one in found.report]  # frames ahead, shown or suspected
-        right, _ = everybody(in_mm(supposed), _moved(people, clocks), layout)
-        before, everyone = everyone, tuple(_moved(one, [-clock for clock in clocks]) for one in right)
+        right, _ = everybody(in_mm(supposed), in_step(people, dict(enumerate(clocks))), layout)
+        back = {i: -clock for i, clock in enumerate(clocks)}
+        before, everyone = everyone, tuple(in_step(one, back) for one in right)
         pairs = zip(everyone, before, strict=False)
         if len(everyone) == len(before) and all(np.array_equal(*pair, equal_nan=True) for pair in pairs):
             break
@@ -110,11 +108,6 @@ def _supposed(rig: sk.CameraRig, found: sk.RigAdjustment) -> sk.CameraRig | None
         turned = matrix_from_vector(np.radians(one.turn)) @ rig[i].R
         cameras[i] = altered(rig[i], R=turned, t=-turned @ (rig[i].centre + one.shift))
     return replace(rig, cameras=cameras, clocks={})
-
-
-def _moved(seen: Array, clocks: Sequence[int]) -> Array:
-    """Return what every camera (T, M, …) sees so many frames later; NaN beyond the ends."""
-    return np.stack([shifted(seen[:, i], clock) for i, clock in enumerate(clocks)], axis=1)
 
 
 def _part_seen(people: Array, everyone: Sequence[Array]) -> Array:

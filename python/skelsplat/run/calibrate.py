@@ -13,14 +13,14 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, take_people
-from skelsplat._clocks import shifted
+from skelsplat._clocks import in_step, shifted
 from skelsplat._frozen import frozen, frozen_finding
 from skelsplat._who import GAP, one_after_another
 from skelsplat._words import size_text
 from skelsplat.exceptions import DatasetError, DegenerateGeometryError, InvalidInputError
 from skelsplat.findings import Finding, collected_warnings, warn
 from skelsplat.io.detections import Opened as Detections
-from skelsplat.io.detections import camera_called, camera_labels, cameras_called, open_detections
+from skelsplat.io.detections import camera_called, camera_labels, cameras_called
 from skelsplat.io.video import find_videos, open_source
 from skelsplat.rig_check import ReadAs
 from skelsplat.run.adjusted import offset_of
@@ -28,7 +28,7 @@ from skelsplat.run.calibrate_findings import of_calibration, of_moved
 from skelsplat.run.cameras import warn_of_place
 from skelsplat.run.job import IncompleteJobError
 from skelsplat.run.person import are_people, entry_of, pick_places
-from skelsplat.run.read import open_recording, rate_of, read_rig, videos_beside
+from skelsplat.run.read import open_at_rates, open_recording, read_as, read_rig, videos_beside
 from skelsplat.run.session import different, padded
 from skelsplat.run.solve import evened, step_of
 
@@ -57,7 +57,8 @@ class Calibrated:
     findings: tuple[Finding, ...]
     layout: sk.Layout
     frames: Index  # (T,) of ``found.people``: numbers in the files; of several recordings, a count in steps
-    fps: float | None  # frames per second of the files
+    fps: float | None  # frames per second of the recordings
+    paces: Mapping[str, float]  # by camera, its frames in one of the recordings, where it is not one
 
     @property
     def cameras(self) -> tuple[dict[str, Any], ...]:
@@ -80,12 +81,10 @@ class Calibrated:
 
     def in_step(self) -> Iterator[Array]:
         """Yield each person's detections (T, M, N, 3), those of all cameras at one time each."""
-        clocks = [one.clock / step_of(self.frames) for one in self.found.report]
+        step, report = step_of(self.frames), enumerate(self.found.report)
+        clocks = {i: one.clock / step / self.paces.get(one.name, 1.0) for i, one in report}
         for person in self.found.people:
-            views = [
-                shifted(person[:, i], clock) if clock else person[:, i] for i, clock in enumerate(clocks)
-            ]
-            yield np.stack(views, axis=1)
+            yield in_step(person, clocks)
 
     def write_html(self, path: str | Path, facts: Sequence[tuple[str, str]] = ()) -> None:
         """Write a page with the cameras in 3D, their error ellipsoids, and what pairs of them explain.
@@ -116,12 +115,11 @@ class Calibrated:
 
 @dataclass(frozen=True)
 class _Recording:
-    """Detections, the lenses of their cameras as far as they are known, and frames per second."""
+    """Detections, and the lenses of their cameras as far as they are known."""
 
     path: Path
     detections: Detections
     lenses: Sequence[sk.Intrinsics | sk.Camera]
-    fps: float | None
     renamed: bool  # refine does not find these cameras' detections by name alone
 
     @property
@@ -132,7 +130,7 @@ class _Recording:
     @property
     def read_as(self) -> ReadAs:
         """How they are read."""
-        return ReadAs(self.detections.labels, self.detections.offsets, self.detections.uneven)
+        return read_as(self.detections)
 
 
 @dataclass(frozen=True)
@@ -163,7 +161,8 @@ class _Seen:
     def calibrated(self, people: Array, **asked: Any) -> sk.RigCalibration:
         """Find the cameras by these detections, with lenses, joints and frame rate of the recording."""
         one = self.recording
-        rate = None if one.fps is None else one.fps / self.step
+        fps = one.detections.frame_rate
+        rate = None if fps is None else fps / self.step
         try:
             return sk.calibrate_cameras(people, one.lenses, layout=one.detections.skeleton, fps=rate, **asked)
         except DegenerateGeometryError as error:
@@ -184,12 +183,8 @@ class _Seen:
         return found if clock or any(found.clocks.values()) else None
 
     def in_files(self, found: sk.RigCalibration) -> sk.RigCalibration:
-        """Return cameras with clocks in frames of the files, of which every so many-th is there."""
-        step = self.step
-        report = (
-            replace(one, clock=one.clock * step, clock_sigma=one.clock_sigma * step) for one in found.report
-        )
-        return replace(found, report=tuple(report))
+        """Return cameras with clocks in their own frames in the files."""
+        return replace(found, report=tuple(self.recording.read_as.in_files(found.report, self.step)))
 
 
 def calibrate_cameras(
@@ -232,8 +227,7 @@ def calibrate_cameras(
         asked = {"stature": stature, "distance": distance, "same_focal": same_focal}
         result, offsets = _calibrated(seen, clock, asked)
     if not math.isfinite(result.scale_sigma):
-        layout = first.detections.skeleton.name
-        expected = f"that of two cameras, because {layout} lacks the proportions of people"
+        expected = f"that of two cameras, as {first.detections.skeleton.name} lacks people's proportions"
         raise InvalidInputError(f"distance: expected {expected}, got none")
     # places of lenses are ignored
     kept = [one for k, one in enumerate(warnings) if one.kind != "unit_wrong" and one not in warnings[:k]]
@@ -245,7 +239,8 @@ def calibrate_cameras(
         findings=(*kept, *of_moved(result, _times(seen)), *of_calibration(result, clock)),
         layout=first.detections.skeleton,
         frames=seen[0].frames if len(seen) == 1 else seen[0].step * np.arange(len(result.people[0])),
-        fps=first.fps,
+        fps=first.detections.frame_rate,
+        paces=first.detections.paces,
     )
 
 
@@ -343,7 +338,6 @@ def _with_lenses(
     read: dict[str, Any],
     *,
     without: Sequence[str] = (),
-    fps: float | None = None,
     **given: Any,
 ) -> _Recording:
     """Open a recording of cameras whose lenses are known."""
@@ -353,9 +347,9 @@ def _with_lenses(
         if error.argument != "unit":
             raise
         read["unit"] = "mm"  # of places, which are ignored
-    opened = open_recording(intrinsics, detections, read=read, without=without, fps=fps, **given)
+    opened = open_recording(intrinsics, detections, read=read, without=without, **given)
     renamed = bool(without or given.get("order"))
-    return _Recording(detections, opened.detections, tuple(opened.rig), opened.rate[0], renamed)
+    return _Recording(detections, opened.detections, tuple(opened.rig), renamed)
 
 
 def _named(
@@ -364,7 +358,6 @@ def _named(
     size: Size | None,
     *,
     without: Sequence[str] = (),
-    fps: float | None = None,
     order: str | Sequence[str] | None = None,
     **given: Any,
 ) -> _Recording:
@@ -376,12 +369,11 @@ def _named(
     if len(labels) - len(left_out) < 2:
         raise DatasetError(detections, "cameras", "at least two cameras", len(labels) - len(left_out))
     kept = {name: label for name, label in labels.items() if name not in left_out}
-    opened = open_detections(detections, list(kept), order=list(kept.values()), **given)
+    opened = open_at_rates(detections, list(kept), order=list(kept.values()), **given)
     sizes = _sizes(opened, detections, videos, size)
     lenses = tuple(sk.Intrinsics(size=sizes[name], name=name) for name in kept)
-    rate, _ = rate_of(opened, detections, list(kept), fps)
     unnamed = all(label.isdecimal() for label in labels.values())
-    return _Recording(detections, opened, lenses, rate, bool(left_out) or unnamed)
+    return _Recording(detections, opened, lenses, bool(left_out) or unnamed)
 
 
 def _sizes(opened: Detections, detections: Path, videos: Path | None, size: Size | None) -> dict[str, Size]:

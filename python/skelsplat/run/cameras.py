@@ -142,7 +142,7 @@ class AdjustedCameras:
 
     @property
     def adjustment(self) -> sk.RigAdjustment:
-        """What became of each camera; clocks are in frames of the files."""
+        """What became of each camera; clocks are in its own frames in the files."""
         return self.session.found
 
     @property

@@ -17,7 +17,7 @@ def options_of(report: Mapping[str, Any]) -> dict[str, Any]:
     found["offsets"] = {camera: frames for camera, frames in made.get("offsets", {}).items() if frames}
     found["without"] = tuple(made.get("without", ()))
     found["frames"] = made.get("frame_mode")
-    found["fps"] = made.get("frame_rate_hz")
+    found["fps"] = made.get("frame_rates_hz") or made.get("frame_rate_hz")
     if "people" in report:
         found |= {"people": made["people"], "person": None}
     # files of several people are listed by the report of each

@@ -24,13 +24,14 @@ from skelsplat.io.detections._record import read_record
 from skelsplat.io.detections._registry import recognised
 from skelsplat.io.video import FrameSource, open_source, videos_of
 from skelsplat.run.contents import contents, folders_of_one_video
+from skelsplat.run.job import rates_in
 from skelsplat.run.read import read_rig
 
 _LOOKED_AT = 200  # files of a folder
 _SAMPLED = 12  # frames in which people are counted
 _CALIBRATIONS = (".toml", ".json", ".xml", ".txt", ".xcp", ".yml", ".yaml", ".npz", ".pickle", ".pkl", ".h5")
 _OF_RIG = ("calibration_format", "unit", "camera_type", "subject", "size", "binning", "without")
-_OF_DETECTIONS = ("layout", "offsets", "order", "without", "mapping")
+_OF_DETECTIONS = ("layout", "offsets", "fps", "order", "without", "mapping")
 _PER_SECOND = {rate: f"{rate} per second" for rate in ("25", "30", "50", "60", "100")}
 _NO_RATE = (
     "The frame rate is not known. With it, all frames are solved together: joints move smoothly, and "
@@ -105,12 +106,11 @@ class Found:
     def facts(self) -> dict[str, str]:
         """What was found, in a few words each."""
         frames = sorted({one.frames for one in self.cameras if one.frames})
-        rates = sorted({f"{one.fps:.5g}" for one in self.cameras if one.fps})
         people = [one.people for one in self.cameras if one.people is not None]
         named = {
             "cameras": str(len(self.cameras) or ""),
             "frames": " to ".join(map(str, dict.fromkeys([*frames[:1], *frames[-1:]]))),
-            "frames per second": self.fps or " and ".join(rates),
+            "frames per second": self.fps or _rates(one.fps for one in self.cameras),
             "people at once": f"up to {max(people)}" if people else "",
             "joints": self.layout,
             "unit of the calibration": self.unit,
@@ -122,6 +122,11 @@ class Found:
         """Where it is."""
         named = {"Calibration": self.calibration, "Keypoints": self.detections, "Videos": self.videos}
         return {name: "this folder" if text == "." else text or "none" for name, text in named.items()}
+
+
+def _rates(fps: Iterable[float | None]) -> str:
+    """Return different frame rates in words."""
+    return " and ".join(sorted({f"{one:.5g}" for one in fps if one}))
 
 
 def output_of(folder: Path) -> str:
@@ -180,7 +185,7 @@ def _look(folder: Path, given: Mapping[str, Any], top: Path) -> Found:
         "" if rig is None else rig.unit,
         tuple(lacks),
         tuple(_otherwise(folder, calibration, cameras, layout, given)),
-        f"{given['fps']:g}" if given.get("fps") else "",
+        _rates(rates_in(given.get("fps"))),
         tuple(one.name for one in cameras) if rig is None else tuple(rig.names),
     )
 
@@ -197,7 +202,7 @@ def _otherwise(
     if given.get("size") and not calibration:
         known["size"] = size_text(given["size"]).replace("×", "x"), _SIZES
     if given.get("fps") and not any(one.fps for one in cameras):
-        known["fps"] = f"{given['fps']:g}", _PER_SECOND
+        known["fps"] = _rates(rates_in(given["fps"])), _PER_SECOND
     for setting, (value, values) in known.items():
         others = {other: text for other, text in values.items() if other != value}
         if others:

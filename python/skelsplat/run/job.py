@@ -11,7 +11,7 @@ import skelsplat as sk
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.io._arrays import FRAME_RATES
-from skelsplat.io.detections import FORMATS
+from skelsplat.io.detections import FORMATS, Rates
 from skelsplat.io.detections._joints import check_layout
 from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.io.poses._markers import MARKER_NAMES
@@ -88,7 +88,7 @@ class Job(Writing):
     frames: str = "strict"
     #: Format of the detections, of `skelsplat.io.detections.FORMATS`; None to find it from the files.
     format: str | None = None
-    #: By camera, frames to add to its frame numbers, also parts of one.
+    #: By camera, frames of its own to add to its frame numbers, also parts of one.
     offsets: Mapping[str, float] = field(default_factory=dict)
     #: The source of each camera's detections, or ``"sorted"``; None to match by name.
     order: str | tuple[str, ...] | None = None
@@ -104,8 +104,8 @@ class Job(Writing):
     init_sigma_mm: float | None = None
     #: Settings of the method; None: the defaults of `skelsplat.RefineConfig`.
     config: sk.RefineConfig | None = None
-    #: Frames per second of the recording; None: as the files, or videos next to them, state it.
-    fps: float | None = None
+    #: Frames per second of the recording, or by camera; None: as the files, or videos next to them, state it.
+    fps: Rates = None
     #: First adjust the cameras that were turned or moved, by the person the views agree on
     #: (`skelsplat.adjust_cameras`); the cameras used are written to the folder of the results.
     adjust_cameras: bool = False
@@ -133,8 +133,8 @@ class Job(Writing):
         self._check_people()
         self._check_start()
         low, high = FRAME_RATES
-        if self.fps is not None and not low <= self.fps <= high:
-            raise InvalidInputError(f"fps: expected a number from 1e-3 to 1e6, got {self.fps:g}")
+        for rate in (one for one in self.rates if not low <= one <= high):
+            raise InvalidInputError(f"fps: expected a number from 1e-3 to 1e6, got {rate:g}")
         one_of("marker_names", self.marker_names, MARKER_NAMES)
         for kind in self.write:
             one_of("write", kind, tuple(POSE_FORMATS))
@@ -183,6 +183,11 @@ class Job(Writing):
         return sk.RefineConfig() if self.config is None else self.config
 
     @property
+    def rates(self) -> tuple[float, ...]:
+        """The frame rates in ``fps``."""
+        return rates_in(self.fps)
+
+    @property
     def low_pass(self) -> Filter | None:
         """The name and numbers of the filter."""
         return None if self.filter is None else parse_filter(self.filter)
@@ -226,6 +231,13 @@ class Job(Writing):
             f"found = {function}(Job({', '.join(given)}))",
         ]
         return "\n".join([*lines, "for finding in found.findings:", "    print(finding)"])
+
+
+def rates_in(fps: Rates) -> tuple[float, ...]:
+    """Return the frame rates that are given, of all cameras or by camera."""
+    if isinstance(fps, Mapping):
+        return tuple(fps.values())
+    return () if fps is None else (fps,)
 
 
 def _usual(one: Field[Any]) -> Any:

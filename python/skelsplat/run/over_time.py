@@ -38,10 +38,10 @@ def try_over_time(job: Job) -> None:
     """Fill and filter three frames, so that wrong numbers and missing packages are errors before the work."""
     if job.fill_gaps:
         temporal.fill_gaps([[[0.0] * 3], [[np.nan] * 3], [[0.0] * 3]], 1)
-    if job.low_pass is not None and job.fps is not None:
+    if job.low_pass is not None and job.rates:
         try:
             none = np.zeros((3, 1), dtype=np.bool_)
-            _filtered(job.low_pass, np.zeros((3, 1, 3)), np.arange(3), none, job.fps)
+            _filtered(job.low_pass, np.zeros((3, 1, 3)), np.arange(3), none, min(job.rates))
         except InvalidInputError as error:
             raise InvalidInputError(f"filter: {error}") from error
 

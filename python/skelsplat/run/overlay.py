@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -15,6 +16,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, median
+from skelsplat._clocks import Clock
 from skelsplat._optional import opencv
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Remedy, Subject, warn
@@ -90,7 +92,7 @@ class Scene:
     def __init__(self, people: Mapping[str, RunFolder]) -> None:
         """Show people, by the names that are drawn; one with the name ``""`` in the colours of the sides."""
         self.people, run = people, next(iter(people.values()))
-        self.rig, self.offsets, self.frame_rate = run.rig, run.offsets, run.poses.frame_rate
+        self.rig, self.clocks, self.frame_rate = run.rig, run.clocks, run.poses.frame_rate
         self.frames: Index = np.unique(np.concatenate([one.poses.frames for one in people.values()]))
         self.ends = run.ends if len(people) == 1 else (int(self.frames[0]), int(self.frames[-1]))
         self.cameras = list(rig_as_used(self.rig, undistort=run.undistorted))
@@ -173,9 +175,13 @@ class View:
         return self.scene.rig.names[self.index]
 
     @property
-    def offset(self) -> int:
-        """What is to be added to the source's frame numbers to get the run's."""
-        return self.scene.offsets.get(self.name, 0)
+    def clock(self) -> Clock:
+        """How the source's frames are counted."""
+        return self.scene.clocks[self.name]
+
+    def own(self, *numbers: int) -> tuple[int, ...]:
+        """Return the source's frames that are nearest to frames of the run."""
+        return tuple(self.clock.places(np.array(numbers, dtype=np.int64))[0].tolist())
 
     @property
     def size(self) -> Size:
@@ -186,14 +192,15 @@ class View:
     @property
     def expected(self) -> int:
         """How many frames of the span the source has if its header is right."""
-        first, last = self.source.first + self.offset, self.source.last + self.offset
-        return max(0, min(last, self.span[1]) - max(first, self.span[0]) + 1)
+        first, last = self.own(*self.span)
+        frames = min(last, self.source.last) - max(first, self.source.first)
+        return max(0, math.floor(frames / self.clock.pace) + 1)
 
     def frames(self) -> Iterator[tuple[int, Image]]:
         """Yield (number, drawn image) of the frames that the source has, in the run's numbers."""
-        first, last = self.span
-        for number, image in self.source.frames(first - self.offset, last - self.offset):
-            yield number + self.offset, self._drawn(number + self.offset, image)
+        for own, image in self.source.frames(*self.own(*self.span)):
+            for number in self.clock.numbers(np.array([own])).tolist():
+                yield number, self._drawn(number, image)
 
     def label(self, image: Image, number: int, missing: str = "") -> None:
         """Write camera and frame into the corner of an image, and what is missing."""
@@ -234,7 +241,7 @@ def open_views(job: OverlayJob, scene: Scene) -> list[View]:
                 raise InvalidInputError(f"{name}: expected videos or images with it, got none")
         chosen = cameras_called(job.cameras, list(names), "cameras") or names
         sources: dict[str, FrameSource] = {
-            name: PlainFrames.of(job.run, camera.size, scene.frames - scene.offsets.get(name, 0))
+            name: PlainFrames.of(job.run, camera.size, scene.clocks[name].places(scene.frames)[0])
             for name, camera in zip(names, scene.rig, strict=True)
             if name in chosen
         }
@@ -271,11 +278,11 @@ def _checked(view: View) -> Array:
         expected = f"an output of at most {_MOST_PX} px in width and height"
         raise InvalidInputError(f"scale: expected {expected}, got {view.size[0]}×{view.size[1]}")
     if not view.expected:
-        first, last = span[0] - view.offset, span[1] - view.offset
+        first, last = view.own(*span)
         advice = "" if path.is_dir() else "; --first-frame gives the number of the first one"
         expected = f"frames from {first} to {last}, which the run has of {name}"
         raise DatasetError(path, "frames", expected, f"{source.first} to {source.last}{advice}")
-    own = tuple(end - view.offset for end in view.scene.ends)
+    own = view.own(*view.scene.ends)
     if view.job.first_frame is None and not path.is_dir() and own == (source.first + 1, source.last + 1):
         numbers = {"last": source.last, "last_of_run": source.last + 1}
         sentence = f"{path}: frames 0 to {source.last}, and the run has 1 to {source.last + 1} of {name}: if "
@@ -348,7 +355,8 @@ def _together(views: Sequence[View]) -> Iterator[tuple[int, dict[int, Image]]]:
 
 def _rate(job: OverlayJob, views: Sequence[View]) -> float:
     """Return the frame rate asked for, that of the video, of the run, or an assumed one with a warning."""
-    known = [job.fps, *(view.source.rate for view in views), views[0].scene.frame_rate]
+    every = (view.source.rate for view in views if view.clock.pace == 1.0)  # of others, not all are drawn
+    known = [job.fps, *every, views[0].scene.frame_rate]
     found = next((rate for rate in known if rate is not None), None)
     if found is not None:
         return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, Mask
 from skelsplat._budget import afford
-from skelsplat._clocks import rounded
+from skelsplat._clocks import one_rate, rounded
 from skelsplat._frozen import frozen, frozen_finding, without_frozen
 from skelsplat._words import listed
 from skelsplat.cameras import MM_PER_UNIT
@@ -22,7 +23,7 @@ from skelsplat.findings import Finding, Remedy, Subject, collected_warnings, war
 from skelsplat.io import PoseData, read_npz
 from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.detections import Opened as Detections
-from skelsplat.io.detections import camera_called, cameras_called, is_among, one_rate, open_detections
+from skelsplat.io.detections import View, camera_called, cameras_called, is_among, open_detections
 from skelsplat.io.video import FrameSource, find_videos, open_source
 from skelsplat.rig_check import ReadAs
 from skelsplat.run.image_sizes import in_calibrated_pixels
@@ -86,7 +87,6 @@ class Opened:
     every: sk.CameraRig
     rig: sk.CameraRig  # without those that are left out
     detections: Detections
-    rate: tuple[float | None, str]  # frames per second, None if unknown, and what states them, as of `Inputs`
     unread: tuple[str, ...] = ()  # cameras that are left out and could not be read
 
     @property
@@ -97,13 +97,12 @@ class Opened:
     @property
     def read_as(self) -> ReadAs:
         """How the detections are read, with what was added to the cameras' frame numbers."""
-        found = self.detections
-        return ReadAs(found.labels, found.offsets, found.uneven)
+        return read_as(self.detections)
 
     def nobody(self, job: Job) -> Inputs:
         """Return the inputs of all frames with nobody detected."""
         found, layout = self.detections, self.detections.skeleton
-        init, (rate, stated) = None, self.rate
+        init, rate, stated = None, found.frame_rate, found.stated
         if job.init is not None:
             init = _read_init(Path(job.init), self.rig, len(found.frames), layout)
             if job.fps is None and stated != "files" and init.frame_rate is not None:
@@ -116,6 +115,7 @@ class Opened:
             "calibration_format": job.calibration_format or find_format(Path(job.calibration)),
             "format": found.format,
             "offsets": dict(read_as.offsets),
+            **_rates_in_report(found),
             "without": [*(name for name in self.every.names if name not in self.rig.names), *self.unread],
             "frame_mode": job.frames,
         }
@@ -153,14 +153,12 @@ def open_recording(
     *,
     read: Mapping[str, Any],
     without: Sequence[str],
-    fps: float | None = None,
     **given: Any,
 ) -> Opened:
     """Read cameras and open detections, with the arguments of `read_rig` and of `open_detections`.
 
     The detections are in pixels of the calibration's images (`in_calibrated_pixels`), and in step by its
-    clocks, which the cameras no longer have then. Warns if files, or without ``fps`` videos, state different
-    frame rates.
+    clocks, which the cameras no longer have then, and by the frame rates (`open_at_rates`).
     """
     told: list[Finding] = []
     try:
@@ -172,14 +170,13 @@ def open_recording(
     if len(every) < 2:
         raise DatasetError(calibration, "cameras", "at least two cameras", len(every))
     unread = unread_in(told)
-    found = open_detections(detections, every, without=without, unread=unread, **given)
+    found = open_at_rates(detections, every, without=without, unread=unread, **given)
     unread += tuple(one for one in without if not is_among(one, (*every.names, *unread)))
     _note_clocks(calibration, every, given.get("offsets") or {})
     every = replace(every, clocks={})
     rig = leave_out(every, without, unread)
     cropped = {name for one in told if one.kind == "crop_applied" for name in one.subject.cameras}
-    rate = rate_of(found, detections, rig.names, fps)
-    return Opened(every, rig, in_calibrated_pixels(found, every, cropped), rate, unread)
+    return Opened(every, rig, in_calibrated_pixels(found, every, cropped), unread)
 
 
 def _note_clocks(path: Path, rig: sk.CameraRig, given: Collection[str]) -> None:
@@ -249,22 +246,43 @@ def leave_out(rig: sk.CameraRig, without: Sequence[str], unread: Sequence[str] =
     return rig.of(kept) if without else rig
 
 
-def rate_of(
-    found: Detections, folder: Path, names: Sequence[str], fps: float | None
-) -> tuple[float | None, str]:
-    """Return the frame rate, None if unknown, and what states it but for the user: the files, or videos."""
-    rates, stated = found.rates, "files"
-    if not rates and fps is None:
-        rates, stated = _rates_of_videos(folder, names, found.frames), "videos"
-    rate = one_rate(rates)
-    if rates and rate is None:
-        each = ", ".join(f"{name} {round(one, 3):g}" for name, one in rates.items())
-        words = f"The {stated} state different frame rates ({each}), so frames of the same number, which are "
-        words += "compared, are not of the same instant. To correct this, convert the videos to one rate and "
-        words += "run the detector again; if the stated rates are wrong, state the right one."
-        numbers, remedy = {"stated_by": stated, "each": each}, (Remedy("fps", None),)
-        warn(Finding("frame_rates_differ", "warning", numbers=numbers, remedy=remedy, sentence=words))
-    return (fps, "") if fps is not None else (rate, "" if rate is None else stated)
+def read_as(found: Detections) -> ReadAs:
+    """Return how detections are read."""
+    return ReadAs(found.labels, found.offsets, found.uneven, found.paces)
+
+
+def open_at_rates(path: Path, cameras: sk.CameraRig | Sequence[str], **given: Any) -> Detections:
+    """Open detections, at rates of videos beside them if nothing else is known; tell of those that differ."""
+    found = open_detections(path, cameras, rates_of=partial(_rates_of_videos, path), **given)
+    _tell_of_rates(found)
+    return found
+
+
+def _tell_of_rates(found: Detections) -> None:
+    """Tell of rates that differ as files or videos state them, or as files do, if one was given for all."""
+    stated = found.stated
+    files = {name: view.rate for name, view in found.views.items() if view.rate}
+    rates = found.rates if stated else files
+    each = ", ".join(f"{name} {round(one, 3):g}" for name, one in rates.items())
+    numbers: dict[str, Any] = {"stated_by": stated or "files", "each": each}
+    if stated and found.paces:
+        words = f"The {stated} state different frame rates ({each}): detections are compared at the instants "
+        words += (
+            f"of the slowest, {found.frame_rate:g} per second. If the rates are wrong, state the right ones."
+        )
+        remedy = (Remedy("fps", None),)
+        warn(Finding("frame_rates_differ", "note", numbers=numbers, remedy=remedy, sentence=words))
+    elif not stated and not found.paces and files and one_rate([*files.values()]) is None:
+        words = f"The files state different frame rates ({each}), and one was given for all."
+        warn(Finding("frame_rates_differ", "warning", numbers=numbers, sentence=words))
+
+
+def _rates_in_report(found: Detections) -> dict[str, Any]:
+    """Return what the report says of cameras whose rates differ, from which `RunFolder` makes clocks."""
+    if not found.paces:
+        return {}
+    first = max(clock.first for clock in found.clocks.values())
+    return {"frame_rates_hz": dict(found.rates), "counted_from": first}
 
 
 def videos_beside(detections: Path, names: Sequence[str]) -> Iterator[dict[str, FrameSource]]:
@@ -274,11 +292,12 @@ def videos_beside(detections: Path, names: Sequence[str]) -> Iterator[dict[str, 
             yield {name: open_source(path) for name, path in find_videos(folder, names).items()}
 
 
-def _rates_of_videos(detections: Path, names: Sequence[str], frames: Index) -> dict[str, float]:
+def _rates_of_videos(detections: Path, views: Mapping[str, View]) -> dict[str, float]:
     """Return the rates of the cameras' videos."""
-    for videos in videos_beside(detections, names):
+    for videos in videos_beside(detections, [*views]):
         # detectors count from 0 or 1
-        if all(video.rate and frames[-1] <= video.last + 1 for video in videos.values()):
+        fits = ((views[name].frames <= video.last + 1).all() for name, video in videos.items())
+        if all(fits) and all(video.rate for video in videos.values()):
             return {name: video.rate or 0.0 for name, video in videos.items()}
     return {}
 

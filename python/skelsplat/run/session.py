@@ -133,7 +133,8 @@ class Joined:
         most = max(one.people.shape[2] for one in scenes)
         numbers = [one.frames - one.frames[0] + start for one, start in zip(scenes, self.starts, strict=True)]
         people = np.concatenate([padded(one.people, most) for one in scenes])
-        return replace(scenes[0], people=people, frames=np.concatenate(numbers), read_as=ReadAs())
+        read_as = ReadAs(paces=scenes[0].read_as.paces)
+        return replace(scenes[0], people=people, frames=np.concatenate(numbers), read_as=read_as)
 
     def place(self, number: int) -> str:
         """Return the recording and its frame that have a number in the common count, in words."""

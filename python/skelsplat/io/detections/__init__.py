@@ -9,7 +9,7 @@ all. What is wrong with a file is a `DatasetError` with its path and field, what
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 
 import skelsplat as sk
@@ -17,7 +17,14 @@ from skelsplat._budget import within_memory
 from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.io._files import natural
 from skelsplat.io.detections._format import View
-from skelsplat.io.detections._frames import FRAME_MODES, FrameMode, check_offsets, shared_frames
+from skelsplat.io.detections._frames import (
+    FRAME_MODES,
+    FrameMode,
+    check_offsets,
+    check_rates,
+    clocks_of,
+    shared_frames,
+)
 from skelsplat.io.detections._joints import Skeleton, check_mapping, choose_layout, read_layout, read_skeleton
 from skelsplat.io.detections._match import (
     Candidates,
@@ -27,25 +34,29 @@ from skelsplat.io.detections._match import (
     match_by_name,
     match_by_order,
 )
-from skelsplat.io.detections._opened import DetectionSet, Opened, one_rate
+from skelsplat.io.detections._opened import DetectionSet, Opened
 from skelsplat.io.detections._registry import FORMATS, find_format, offered
 
 __all__ = [
     "FORMATS",
     "DetectionSet",
     "Opened",
+    "Rates",
     "Skeleton",
+    "View",
     "camera_called",
     "camera_labels",
     "cameras_called",
     "is_among",
-    "one_rate",
     "open_detections",
     "read_detections",
     "read_layout",
     "read_skeleton",
     "sights",
 ]
+
+Rates = float | Mapping[str, float] | None
+"""Frames per second of all cameras, or by camera; None: as files state them."""
 
 
 def read_detections(
@@ -56,6 +67,7 @@ def read_detections(
     format: str | None = None,
     frames: FrameMode = "strict",
     offsets: Mapping[str, float] | None = None,
+    fps: Rates = None,
     order: str | Sequence[str] | None = None,
     mapping: Mapping[str, str | int | None] | None = None,
     sequence: str | None = None,
@@ -87,6 +99,10 @@ def read_detections(
         next or previous frame; those that it lacks, or that jump, stay. Cameras may be written as loosely as
         their folders: ``cam2`` for ``cam_02``. In place of the `clocks` of a `CameraRig`, which are taken
         off otherwise.
+    fps : float or dict, optional
+        Frames per second of all cameras, or by camera; by default as the files state them. Where they differ,
+        the frames of the result are those of the slowest camera, and the joints of others are moved as for
+        parts of a frame; offsets and `clocks` are in frames of their camera.
     order : sequence of str or "sorted", optional
         The folder, file, or place in the file of each camera, in the order of `cameras`, instead of matching
         by name, written as loosely. ``"sorted"``: the first in natural order belongs to the first camera.
@@ -120,6 +136,7 @@ def read_detections(
         format=format,
         frames=frames,
         offsets=offsets,
+        fps=fps,
         order=order,
         mapping=mapping,
         sequence=sequence,
@@ -161,16 +178,19 @@ def open_detections(
     format: str | None = None,
     frames: FrameMode = "strict",
     offsets: Mapping[str, float] | None = None,
+    fps: Rates = None,
     order: str | Sequence[str] | None = None,
     mapping: Mapping[str, str | int | None] | None = None,
     sequence: str | None = None,
     without: Collection[str] = (),
     unread: Collection[str] = (),
+    rates_of: Callable[[Mapping[str, View]], Mapping[str, float]] = lambda _: {},
 ) -> Opened:
     """Open the detections of all cameras to read them in stretches; parameters as of `read_detections`.
 
     Cameras that are ``unread`` are left out as well: the calibration has them, but they could not be read.
-    Those that only the detections have are left out by their names there.
+    Those that only the detections have are left out by their names there. ``rates_of`` tells the frame rates
+    of videos if nothing else does.
     """
     one_of("frames", frames, FRAME_MODES)
     names = [*_camera_names(cameras, ordered=order is not None), *unread]
@@ -193,9 +213,12 @@ def open_detections(
             name: one.size for name, one in zip(names, cameras, strict=False) if isinstance(one, sk.Camera)
         }
         views = {name: view.in_pixels(sizes.get(name)) for name, view in read(labels).items()}
-        numbers = shared_frames(root, there.kind, views, labels, frames, shifts)
+        rates, stated = check_rates(fps, names, views, rates_of)
+        clocks = clocks_of(views, shifts, rates)
+        numbers = shared_frames(root, there.kind, views, labels, frames, clocks)
         chosen = choose_layout(layout, views.values(), root, form.name)
-    return Opened(root, views, labels, numbers, shifts, chosen, check_mapping(mapping, chosen), form.name)
+    joints = check_mapping(mapping, chosen)
+    return Opened(root, views, labels, numbers, shifts, clocks, rates, stated, chosen, joints, form.name)
 
 
 def _camera_names(cameras: Sequence[sk.Camera] | Sequence[str], *, ordered: bool) -> list[str]:

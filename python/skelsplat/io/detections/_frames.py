@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from skelsplat._arrays import Index
-from skelsplat._clocks import parted, rounded
+from skelsplat._arrays import Index, positive
+from skelsplat._clocks import Clock, common_rate, one_rate, rounded
 from skelsplat._fields import FRAME_LIMIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Subject, warn
@@ -48,10 +49,48 @@ def check_offsets(
     return checked
 
 
-def is_uneven(views: Mapping[str, View]) -> bool:
+def check_rates(
+    given: float | Mapping[str, float] | None,
+    names: Sequence[str],
+    views: Mapping[str, View],
+    of_videos: Callable[[Mapping[str, View]], Mapping[str, float]],
+) -> tuple[dict[str, float], str]:
+    """Return frames per second by camera, as given or as files, or else videos, state them; and which."""
+    if given is not None and not isinstance(given, Mapping):
+        positive("fps", given)
+        return dict.fromkeys(views, given), ""
+    rates = {name: view.rate for name, view in views.items() if view.rate and view.rate > 0}
+    for text, rate in (given or {}).items():
+        name = camera_called(text, names, "fps")
+        positive(f"fps[{name}]", rate)
+        rates |= {name: float(rate)} if name in views else {}
+    stated = "" if given else "files" if rates else "videos"
+    rates = rates or dict(of_videos(views))
+    lacking = [name for name in views if name not in rates]
+    if lacking and (given or one_rate([*rates.values()]) is None) and rates:
+        each = ", ".join(f"{name} {round(rate, 3):g}" for name, rate in rates.items())
+        raise InvalidInputError(f"fps: expected that of {', '.join(lacking)} as well, got {each}")
+    return rates, stated if rates else ""
+
+
+def clocks_of(
+    views: Mapping[str, View], offsets: Mapping[str, float], rates: Mapping[str, float]
+) -> dict[str, Clock]:
+    """Return the clock of each camera; they count from 1 if no frame has a smaller number, else from 0."""
+    paces = common_rate([*rates.values()])[1] if rates else []
+    pace = dict(zip(rates, paces, strict=True))
+    first = min((int(view.frames[0]) for view in views.values() if len(view.frames)), default=0)
+    return {name: Clock(offsets.get(name, 0), pace.get(name, 1.0), int(first == 1)) for name in views}
+
+
+def is_uneven(views: Mapping[str, View], clocks: Mapping[str, Clock]) -> bool:
     """Say whether ``strict`` refuses the views because they do not have the same frames."""
+    frames = {name: view.frames for name, view in views.items()}
+    if any(clock.pace != 1.0 for clock in clocks.values()):
+        frames = {name: replace(clocks[name], offset=0.0).numbers(own) for name, own in frames.items()}
+        frames = dict(_overlapping(frames))
     sparse = any(view.sparse for view in views.values())
-    return not sparse and not _alike([view.frames for view in views.values()])
+    return not sparse and not _alike([*frames.values()])
 
 
 def shared_frames(
@@ -60,19 +99,19 @@ def shared_frames(
     views: Mapping[str, View],
     labels: Mapping[str, str],
     mode: str,
-    offsets: Mapping[str, float],
+    clocks: Mapping[str, Clock],
 ) -> Index:
     """Return the ascending frame numbers to read, (T,), in the common time.
 
     ``strict`` asks for the same numbers in all views, after offsets from the latest beginning to the earliest
     end; of a format that lists only people it reads every frame that is listed anywhere.
     """
-    whole = {name: parted(offsets.get(name, 0))[0] for name in views}
-    common = {labels[name]: view.frames + whole[name] for name, view in views.items()}
-    given = ", ".join(f"{name}: {frames}" for name, frames in offsets.items() if frames)
+    common = {labels[name]: clocks[name].numbers(view.frames) for name, view in views.items()}
+    given = ", ".join(f"{name}: {clock.offset}" for name, clock in clocks.items() if clock.offset)
     after = f" after the offsets ({given})" if given else ""
-    judged = _overlapping(common) if any(whole.values()) else common
-    if mode == "strict" and is_uneven(views) and not _alike(list(judged.values())):
+    moved = any(round(clock.offset) or clock.pace != 1.0 for clock in clocks.values())
+    judged = _overlapping(common) if moved else common
+    if mode == "strict" and is_uneven(views, clocks) and not _alike(list(judged.values())):
         expected = f"the same frames in every {kind}{after}"
         raise DatasetError(root, "frames", expected, _told(judged) + _OTHER_MODES)
     union, shared = _joined(np.union1d, common), _joined(np.intersect1d, common)

@@ -11,23 +11,15 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._arrays import FARTHEST, Array, Index
+from skelsplat._arrays import FARTHEST, Array, Index, Mask
 from skelsplat._budget import afford, within_memory
-from skelsplat._clocks import between, parted
+from skelsplat._clocks import Clock, between, common_rate
 from skelsplat.exceptions import DatasetError
 from skelsplat.io.detections._format import NEARLY_ALL, NORMALISED, View
 from skelsplat.io.detections._frames import is_uneven
 from skelsplat.io.detections._joints import Joint, arranged, places_of
 
 _STRETCH = 4096  # frames
-_FAR = 2**62  # frames: further than any are apart
-_SAME_RATE = 5e-4  # by which videos of one recording may differ in rate; 29.97 and 30 differ by twice that
-
-
-def one_rate(rates: Mapping[str, float]) -> float | None:
-    """Return the frame rate that all cameras have; None if they differ or there are none."""
-    known = list(rates.values())
-    return known[0] if known and 0.0 < max(known) <= (1 + _SAME_RATE) * min(known) else None
 
 
 @dataclass(frozen=True)
@@ -52,7 +44,7 @@ class DetectionSet:
     uneven : bool
         Cameras have different frames in the files, which ``frames="strict"`` refuses.
     frame_rate : float or None
-        Frames per second, if files state them, the same for all of their cameras.
+        Frames per second, as given or stated by the files; those of the slowest camera if they differ.
     """
 
     people: npt.NDArray[np.float64] = field(repr=False)
@@ -82,6 +74,9 @@ class Opened:
     matched: Mapping[str, str]  # by camera, its folder, file or place in the file
     frames: Index
     offsets: Mapping[str, float]  # by camera, what was added to its frame numbers; 0 if not named
+    clocks: Mapping[str, Clock]  # by camera
+    rates: Mapping[str, float]  # by camera, frames per second, where they are known
+    stated: str  # what states them: "files", "videos", or nothing if the user does, or if they are unknown
     skeleton: sk.Layout
     mapping: Mapping[str, Joint]  # as of `read_detections`
     format: str
@@ -105,12 +100,17 @@ class Opened:
     @property
     def uneven(self) -> bool:
         """As of `DetectionSet`."""
-        return is_uneven(self.views)
+        return is_uneven(self.views, self.clocks)
 
     @property
-    def rates(self) -> dict[str, float]:
-        """Frames per second, by camera, where the files state them."""
-        return {name: view.rate for name, view in self.views.items() if view.rate is not None}
+    def paces(self) -> dict[str, float]:
+        """By camera, its frames in one of the recording, where it is not one."""
+        return {name: clock.pace for name, clock in self.clocks.items() if clock.pace != 1.0}
+
+    @property
+    def frame_rate(self) -> float | None:
+        """As of `DetectionSet`."""
+        return common_rate([*self.rates.values()])[0] if self.rates else None
 
     @property
     def sizes(self) -> dict[str, tuple[int, int]]:
@@ -134,7 +134,7 @@ class Opened:
             format=self.format,
             labels=self.labels,
             uneven=self.uneven,
-            frame_rate=one_rate(self.rates),
+            frame_rate=self.frame_rate,
         )
 
     def stretches(self, size: int) -> Iterator[Array]:
@@ -149,9 +149,7 @@ class Opened:
     def _parts(self, size: int) -> Iterator[Array]:
         """Yield the people of so many frames at a time; at the end raise if a view has no pixels."""
         cameras = self.views.items()
-        readers = [
-            _Reader(view, self.skeleton, self.mapping, self.offsets.get(name, 0)) for name, view in cameras
-        ]
+        readers = [_Reader(view, self.skeleton, self.mapping, self.clocks[name]) for name, view in cameras]
         counts = np.zeros((3, len(readers)), dtype=np.int64)
         for first in range(0, len(self.frames), size):
             numbers = self.frames[first : first + size]
@@ -201,28 +199,26 @@ class Opened:
 class _Reader:
     """Reads the frames of a view by their numbers in the common time."""
 
-    def __init__(self, view: View, skeleton: sk.Layout, mapping: Mapping[str, Joint], offset: float) -> None:
-        self._view, self._skeleton = view, skeleton
+    def __init__(self, view: View, skeleton: sk.Layout, mapping: Mapping[str, Joint], clock: Clock) -> None:
+        self._view, self._skeleton, self._clock = view, skeleton, clock
         self._places = places_of(view, skeleton, mapping)
-        self._whole, self._rest = parted(offset)
 
     def read(self, numbers: Index) -> list[list[Array]]:
         """People (N, 3) of each frame; nobody in one that the camera lacks."""
-        own = numbers - self._whole
-        if not self._rest:
-            return self._people(own)
-        # between each frame and the one beside it, on the side of the rest; where there is none, its own
         known = self._view.frames
-        step = int(np.diff(known).min(initial=_FAR))
-        beside = own - step if self._rest > 0 else own + step
-        beside = np.where(np.isin(beside, known), beside, own)
-        wanted = np.union1d(own, beside)
-        read = dict(zip(wanted.tolist(), self._people(wanted), strict=True))
-        pairs = zip(own.tolist(), beside.tolist(), strict=True)
-        return [between(read[a], read[b], abs(self._rest / (b - a))) if a != b else read[a] for a, b in pairs]
+        there, own, beside, parts = self._clock.between(numbers, known)
+        if (own == beside).all():
+            return self._people(own, there)
+        wanted = np.union1d(own[there], beside[there])
+        read = dict(zip(wanted.tolist(), self._people(wanted, np.isin(wanted, known)), strict=True))
+        pairs = zip(there.tolist(), own.tolist(), beside.tolist(), parts.tolist(), strict=True)
+        return [
+            (read[a] if a == b else between(read[a], read[b], part)) if has else []
+            for has, a, b, part in pairs
+        ]
 
-    def _people(self, own: Index) -> list[list[Array]]:
-        there, path = np.isin(own, self._view.frames), self._view.path
+    def _people(self, own: Index, there: Mask) -> list[list[Array]]:
+        path = self._view.path
         found = iter(self._view.people(np.searchsorted(self._view.frames, own[there])))
         frames = (next(found) if known else () for known in there.tolist())
         return [[arranged(one, self._skeleton, self._places, path) for one in frame] for frame in frames]
