@@ -172,9 +172,9 @@ JOB = rows(
     --max-steps N
     --threads 1..1024  [all cores]
     Over time:
-    * --fps HZ|CAMERA=HZ,…  Frame rate, or those of cameras that differ: cam1=30,cam2=60. If it is known,
-        the recording is solved over time: bones keep their length and joints move smoothly. [as files or
-        videos state it]
+    * --fps HZ|CAMERA=HZ  Frame rate, of all or by camera. Where cameras differ: cam1=30,cam2=60. If it is
+        known, the recording is solved over time: bones keep their length and joints move smoothly. [as files
+        or videos state it]
     --frame-by-frame  Solve each frame alone, even if the frame rate is known. --paper always does.
     * --fill-gaps N  Fill gaps of at most N frames. The results mark these joints as filled. [none]
     --fill-weak  Also treat weak joints as gaps.
