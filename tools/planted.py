@@ -276,7 +276,7 @@ tests/unit/test_viz.py, tests/unit/test_viz_print.py
 +figure.savefig(stream, format="png", dpi=figure.dpi / 2,
 
 the overview compares distorted detections with ideal reprojections | dropped undistortion
-tests/unit/test_run_figures.py
+tests/unit/test_run.py
 -        seen[:, :2] = run.cameras[view].undistort(seen[:, :2])
 +        pass
 

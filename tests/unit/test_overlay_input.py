@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import struct
-import zlib
 
 import numpy as np
 import pytest
@@ -14,7 +12,6 @@ from overlay_case import FRAMES, NAMES, need_opencv, read_video, write_images, w
 
 need_opencv()
 
-from skelsplat.exceptions import DatasetError  # noqa: E402
 from skelsplat.io.video import open_sink  # noqa: E402
 
 
@@ -81,10 +78,6 @@ def test_a_detector_that_counts_from_one_is_suspected(tmp_path, videos):
     assert kinds == ["video_one_frame_late"] * 2 + ["video_frames_missing"] * 2
 
 
-def chunk(kind, data):
-    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-
 def test_images_that_cannot_be_read_are_left_out(case, tmp_path):
     for name in ("cam01", "cam02"):
         write_images(tmp_path / "images" / name)
@@ -92,9 +85,8 @@ def test_images_that_cannot_be_read_are_left_out(case, tmp_path):
     result = overlay(case, tmp_path / "images", "--fps", 5)
     assert result.exit_code == 0
     assert "cam01: 1 of the frames 0 to 5" in result.stderr
-    claim = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">2I5B", 60_000, 60_000, 8, 2, 0, 0, 0))
     for path in (tmp_path / "images" / "cam01").iterdir():
-        path.write_bytes(b"" if "2" in path.name else claim + chunk(b"IDAT", zlib.compress(bytes(99))))
+        path.write_bytes(b"")
     assert_fails(overlay(case, tmp_path / "images"), 1, "cam01: images: expected", "6 that it cannot")
 
 
@@ -138,16 +130,3 @@ def test_videos_are_what_browsers_play(tmp_path):
         (stream,) = video.streams
         assert (stream.codec_context.name, stream.codec_context.pix_fmt) == ("h264", "yuv420p")
         assert (stream.width, stream.height, stream.frames, stream.average_rate) == (64, 40, 5, 25)
-
-
-def test_a_video_that_does_not_fit_is_an_error(tmp_path):
-    """As on a full disk."""
-    resource = pytest.importorskip("resource", reason="no limits of file sizes on this platform")
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))
-    try:
-        with pytest.raises(DatasetError, match=r"long\.mp4: output: expected a path that can be written"):
-            write_mp4(tmp_path / "long.mp4", 60, (160, 120))
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    assert not list(tmp_path.iterdir())

@@ -3,38 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from command_line import invoke, read_report
 from skelsplat.io import read_calibration, read_detections, sample
-
-
-@pytest.fixture(scope="module")
-def paths(tmp_path_factory):
-    return sample.extract(tmp_path_factory.mktemp("sample"))
-
-
-@pytest.fixture(scope="module")
-def rig(paths):
-    return read_calibration(paths.calibration, unit=sample.UNIT)
-
-
-@pytest.fixture(scope="module")
-def found(paths, rig):
-    return read_detections(paths.detections, rig, layout=sample.LAYOUT)
-
-
-def test_four_cameras_in_a_room(rig):
-    assert rig.names == ("cam_01", "cam_02", "cam_03", "cam_04")
-    assert {camera.size for camera in rig} == {(1088, 1920)}
-    centres = np.stack([camera.centre for camera in rig])
-    # all stand above the floor (z up), at most a room apart
-    assert (centres[:, 2] > 0.0).all()
-    assert np.linalg.norm(centres[:, None] - centres, axis=-1).max() < 10.0
-
-
-def test_a_bystander_stands_in_two_views(found):
-    np.testing.assert_array_equal(np.median(found.people_per_frame, axis=0), [2, 2, 1, 1])
 
 
 def test_two_people_and_a_bystander(tmp_path):

@@ -212,17 +212,3 @@ def test_options_reach_the_reader(tmp_path):
     assert {take["subject"] for take in report["dataset"]["takes"]} == {"S9"}
     (tmp_path / "data_2d_h36m_cpn_ft_h36m_dbb.npz").unlink()
     assert "No detections" in invoke("datasets", "check", "human36m", tmp_path).stdout
-
-
-@pytest.mark.parametrize(
-    ("args", "word"),
-    [
-        (("human37m", "ROOT"), "NAME"),
-        (("human36m", "ROOT", "--set", "x=1"), "--set"),
-        (("human36m", "ROOT", "--format", "coco"), "format"),
-    ],
-)
-def test_bad_usage_is_status_2(good, args, word):
-    result = invoke("datasets", "check", *(good if arg == "ROOT" else arg for arg in args))
-    assert (result.exit_code, result.stdout) == (2, "")
-    assert word in result.stderr
