@@ -70,7 +70,6 @@ def test_an_initial_pose_is_read_in_its_own_unit(recording, arguments):
     [
         ("--layout", ["--unit", "mm"]),
         ("--unit", ["--unit", "inch"]),
-        ("--person", [*READ, "--person", 7]),
         ("--people", [*READ, "--people", "0"]),
         ("--sigma-mm", [*READ, "--sigma-mm", "-1"]),
         ("--fps", [*READ, "--fps", "nan"]),

@@ -190,17 +190,6 @@ def test_people_who_are_left_out_are_counted(people):
     assert [remedy.setting for remedy in doubt.remedy] == ["layout"]
 
 
-def test_bodies_of_any_size_are_told_apart(people):
-    """The same pixels in a room of a 20th: two bodies of 10 cm, 3 to 9 cm apart."""
-    rig = sk.CameraRig([sk.Camera(one.K, one.R, one.t / 20, size=one.size, name=one.name) for one in RIG])
-    animal = sk.Layout("animal", LAYOUT.joints, limbs=LAYOUT.limbs)
-    none = np.full((FRAMES, 4, 17, 3), np.nan)
-    whole = Inputs(rig, animal, none, np.zeros((FRAMES, 4), dtype=bool), np.arange(FRAMES), fps=FPS)
-    found = follow_everybody(people, whole, Job("Calib.toml", "pose", people="all"))
-    assert len(found.people) == 2
-    assert found.whole.doubts == ()
-
-
 @pytest.mark.parametrize(
     ("views", "said"),
     [

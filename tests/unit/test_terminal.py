@@ -77,9 +77,7 @@ COMMANDS = {
         [*ESCAPED[:2], r"\x1b[31m"],
         (0,),
     ),
-    "layouts": (lambda top: [top / "own.toml"], [r"lay\x1bout", r"\x1b[31mhead", "[bold]d[/bold]"], (0,)),
     "overlay": (lambda top: [top / "out", "--plain", "--png", "--range", "0-0"], [r"\x1b[31m[blue]"], (0,)),
-    "plot": (lambda top: [top / "out", "--only", "bones", "--format", "png"], [r"\x1b[31m[blue]"], (0,)),
 }
 
 

@@ -10,7 +10,7 @@ import pytest
 
 import skelsplat as sk
 from command_line import invoke, succeed
-from skelsplat import datasets, synthetic
+from skelsplat import synthetic
 from skelsplat.datasets import Dataset, Take
 from skelsplat.datasets._verify import verify
 from skelsplat.synthetic import DetectionNoise, simulate_detections
@@ -159,15 +159,6 @@ def plain(result):
 def good(tmp_path):
     write.write_skelsplat(tmp_path, write.record())
     return tmp_path
-
-
-def test_list_names_all_data_sets():
-    result = succeed("datasets", "list")
-    for name in datasets.names():
-        assert name in result.stdout
-    entries = json.loads(invoke("datasets", "list", "--json").stdout)
-    assert [entry["name"] for entry in entries] == list(datasets.names())
-    assert "detections" in entries[0]["options"]
 
 
 def test_a_good_data_set_is_status_0(good):
