@@ -28,7 +28,6 @@ from scenarios import FloatArray, Scene
 
 import skelsplat as sk
 from skelsplat import layouts, synthetic
-from skelsplat.findings import Finding
 from skelsplat.io import write_calibration
 from skelsplat.run import Job, run
 
@@ -71,29 +70,18 @@ def both_ways(
         yield f"{name}, {way}", bars(scenes, results, **given), wanted
 
 
-def findings(detections: FloatArray, rig: sk.CameraRig, **job: Any) -> list[Finding]:
-    """Return what a run of `skelsplat refine` says of files with these detections."""
-    with tempfile.TemporaryDirectory() as folder:
-        cameras, file = Path(folder, "rig.toml"), Path(folder, "detections.npz")
-        write_calibration(cameras, rig)
-        np.savez(file, detections=detections, camera_names=rig.names)
-        made = Job(cameras, file, **({"unit": "mm", "layout": "h36m17", "fps": FPS} | job))
-        return list(run(made).findings)
-
-
-def said(several: Sequence[Sequence[Finding]], *cameras: str) -> str:
-    """Return the kinds of warnings of runs, and in how many; if cameras are given, those that name any."""
-    kinds, named = Counter[str](), set(cameras)
-    for found in several:
-        own = (one for one in found if not named or named & set(one.subject.cameras))
-        kinds.update({one.kind for one in own if one.severity != "note"})
-    words = [f"{kind} {count}/{len(several)}" for kind, count in sorted(kinds.items())]
+def said(scenes: Sequence[Scene]) -> str:
+    """Return the kinds of warnings of `skelsplat refine` on files with these detections, and in how many."""
+    kinds = Counter[str]()
+    for one in scenes:
+        with tempfile.TemporaryDirectory() as folder:
+            cameras, file = Path(folder, "rig.toml"), Path(folder, "detections.npz")
+            write_calibration(cameras, one.rig)
+            np.savez(file, detections=one.detections, camera_names=one.rig.names)
+            found = run(Job(cameras, file, unit="mm", layout="h36m17", fps=FPS)).findings
+        kinds.update({finding.kind for finding in found if finding.severity != "note"})
+    words = [f"{kind} {count}/{len(scenes)}" for kind, count in sorted(kinds.items())]
     return f"said: {', '.join(words) or 'nothing'}"
-
-
-def said_of(scenes: Sequence[Scene], *cameras: str) -> str:
-    """Return what runs say of all scenes."""
-    return said([findings(one.detections, one.rig) for one in scenes], *cameras)
 
 
 def clocks(reports: Sequence[sk.RigAdjustment]) -> str:
@@ -186,7 +174,7 @@ def two_sizes(drawn: Drawn) -> Iterator[Row]:
             noise = recordings.noise("occluded 2", 4, FPS)
             found = synthetic.simulate_detections(truth, scene.rig, noise=noise, layout=BODY, seed=k)
             scenes.append(recordings.unsure(replace(scene, truth=truth, detections=found)))
-        figures = f"{bars(scenes, [solved(one, True) for one in scenes])}; {said_of(scenes)}"
+        figures = f"{bars(scenes, [solved(one, True) for one in scenes])}; {said(scenes)}"
         yield f"{sizes[0]} m, then {sizes[1]} m", figures, "≥ 90 %, split or said"
 
 
@@ -197,7 +185,7 @@ def all_off(drawn: Drawn) -> Iterator[Row]:
         angle = drawn.rng(6, k).uniform(0, 2 * np.pi, 4)
         scenes.append(hard.moved(scene, 20.0 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)[:, None]))
     yield from both_ways("all cameras off by 20 px", scenes, "≥ 85 %, or weak")
-    yield "all cameras off by 20 px", said_of(scenes), "a finding"
+    yield "all cameras off by 20 px", said(scenes), "a finding"
 
 
 def mistaken(drawn: Drawn) -> Iterator[Row]:
@@ -213,7 +201,7 @@ def mistaken(drawn: Drawn) -> Iterator[Row]:
         figures = f"{errors(scene, result, part, [WRIST])}, forearm {np.nanmean(forearm):.0f} mm"
         yield f"a wrist taken for a thing in three views, {way}", figures, "not ok, or right"
         yield f"sides exchanged, {way}", errors(scene, solved(swapped, over_time), part), "over time right"
-    yield "sides exchanged", said_of([swapped]), "said, or right"
+    yield "sides exchanged", said([swapped]), "said, or right"
 
 
 def world(drawn: Drawn) -> Iterator[Row]:

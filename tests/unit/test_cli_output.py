@@ -143,7 +143,7 @@ def test_a_finding_begins_with_its_severity(capsys):
     for severity in ("error", "warning", "note"):
         finding = Finding("remark", severity, sentence="words")
         tell(finding)
-        with quieter(quiet=True):
+        with quieter(True):
             tell(finding)
     tell(finding, "person 1: ")
     said = ["error: words"] * 2 + ["warning: words"] * 2 + ["note: words", "note: person 1: words"]

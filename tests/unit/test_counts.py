@@ -13,13 +13,13 @@ from planted import FAULTS
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 39_804,
-    "cli": 3_775,
+    "package": 39_801,
+    "cli": 3_772,
     "core": 19_811,
     "binding": 2_760,
     "Rust tests": 5_996,
     "Python tests": 26_998,
-    "benchmarks and tools": 4_349,
+    "benchmarks and tools": 4_337,
     "docs, words": 41_988,
     "README, words": 1_462,
 }
