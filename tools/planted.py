@@ -352,7 +352,7 @@ tests/unit/test_calibration_formats.py
 +centre = centre / binning
 
 error ellipses on videos ignore correlations between axes | wrong picture
-tests/unit/test_overlay_drawing.py, tests/unit/test_overlay_input.py
+tests/unit/test_overlay_command.py
 -jacobian, covariances, jacobian)
 +jacobian, covariances * np.eye(3), jacobian)
 
