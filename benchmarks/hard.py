@@ -62,23 +62,6 @@ def exchanged(scene: Scene, frames: slice, views: Sequence[int], joints: Sequenc
     return replace(scene, detections=detections)
 
 
-def followed(
-    detections: FloatArray, views: slice, still_hz: float = 0.5, per_px: float = 0.005
-) -> FloatArray:
-    """Return what a detector says that follows joints by a one-euro filter, as MediaPipe does, in some views.
-
-    Slow joints lag behind the most, so that no shift in time sets it right.
-    """
-    out, given = detections.copy(), detections[:, views, :, :2]
-    for t in range(1, len(out)):
-        before = out[t - 1, views, :, :2]
-        speed = FPS * np.linalg.norm(given[t] - given[t - 1], axis=-1, keepdims=True)
-        turn = 2 * np.pi * (still_hz + per_px * speed) / FPS
-        after = before + (given[t] - before) * turn / (1 + turn)
-        out[t, views, :, :2] = np.where(np.isfinite(after), after, given[t])
-    return out
-
-
 def exercise(name: str, hz: float, rng: np.random.Generator) -> FloatArray:
     """Return ten seconds of one exercise on the spot, each repetition as the last, (T, 17, 3) mm."""
     phase = 2 * np.pi * hz * np.arange(FRAMES) / FPS + rng.uniform(0, 2 * np.pi)

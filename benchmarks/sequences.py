@@ -1,6 +1,6 @@
 """Recordings solved frame by frame, smoothed, and over time: errors, accelerations and error bars.
 
-    python benchmarks/sequences.py [--takes 12] [--views 4] [--fps 30] [--conditions heavy] [--joints]
+    python benchmarks/sequences.py [--takes 12] [--views 4] [--fps 30] [--conditions heavy]
 
 Motions of the CMU motion capture in a Human3.6M-like room; the detections are simulated, with errors that
 last (`skelsplat.synthetic.Memory`), and all methods get the same. `--takes` is a spread sample of 92 takes
@@ -11,8 +11,7 @@ know too well what is hidden. Names, conditions and methods may be repeated.
 mean, median, p95: distance to the truth, mm, of the joints that at least two views detect; `answered` is the
 share of these with a position. acc: mean length of the error's second difference times fps², m/s². 1 σ, 2 σ,
 3 σ: share of the errors inside the error bars (Mahalanobis distance); 19.9, 73.9 and 97.1 % are meant. One
-core; the time includes the frame-by-frame solution where a method starts from it. `--joints` adds a table of
-the joints that truly move and accelerate the most.
+core; the time includes the frame-by-frame solution where a method starts from it.
 """
 
 from __future__ import annotations
@@ -31,9 +30,6 @@ from scenarios import FloatArray
 
 import skelsplat as sk
 
-Masks = list[NDArray[np.bool_]]
-# The joints of a take that belong to the extremes: this share of all joints and frames.
-EXTREME = 0.01
 # Without those of another library.
 USUAL = tuple(name for name in recordings.METHODS if not name.startswith("anipose"))
 
@@ -42,7 +38,7 @@ USUAL = tuple(name for name in recordings.METHODS if not name.startswith("anipos
 class Errors:
     """What a method did wrong in all takes of a condition, each (T, N); NaN if not judged or answered."""
 
-    judged: Masks = field(default_factory=list)
+    judged: list[NDArray[np.bool_]] = field(default_factory=list)
     distance: list[FloatArray] = field(default_factory=list)  # mm
     acceleration: list[FloatArray] = field(default_factory=list)  # m/s²
     inside: list[FloatArray] = field(default_factory=list)  # (3, T, N) within 1, 2, 3 σ
@@ -62,23 +58,20 @@ class Errors:
             self.inside.append(np.asarray(inside))
         self.seconds += seconds
 
-    def row(self, masks: Masks | None = None) -> dict[str, float | None]:
-        """Return the figures of the joints under masks (T, N), one per take; without any, of all."""
-        judged = np.concatenate(self.judged)
-        of = np.ones_like(judged) if masks is None else np.concatenate(masks)
-        distance, second = (np.concatenate(parts)[of] for parts in (self.distance, self.acceleration))
-        shares = np.nanmean(np.concatenate(self.inside, axis=1)[:, of], axis=1) if self.inside else None
-        row: dict[str, float | None] = {
+    def row(self) -> dict[str, float | None]:
+        """Return the figures of all joints."""
+        judged, distance, second = map(np.concatenate, (self.judged, self.distance, self.acceleration))
+        inside = np.concatenate(self.inside, axis=1).reshape(3, -1) if self.inside else None
+        shares = None if inside is None else 100 * np.nanmean(inside, axis=1)
+        return {
             "mean mm": float(np.nanmean(distance)),
             "median": float(np.nanmedian(distance)),
             "p95": float(np.nanpercentile(distance, 95)),
             "acc m/s²": float(np.nanmean(second)),
-            **{f"{k + 1} σ %": None if shares is None else float(100 * shares[k]) for k in range(3)},
+            **{f"{k + 1} σ %": None if shares is None else float(shares[k]) for k in range(3)},
+            "answered %": 100 * float(np.isfinite(distance).sum() / judged.sum()),
+            "ms/frame": 1000.0 * self.seconds / len(judged),
         }
-        if masks is None:
-            row["answered %"] = 100 * float(np.isfinite(distance).sum() / judged.sum())
-            row["ms/frame"] = 1000.0 * self.seconds / len(judged)
-        return row
 
 
 def measured(takes: list[Take], names: Sequence[str]) -> dict[str, Errors]:
@@ -93,19 +86,6 @@ def measured(takes: list[Take], names: Sequence[str]) -> dict[str, Errors]:
     return out
 
 
-def parts(takes: list[Take]) -> dict[str, Masks]:
-    """Return the joints of the largest true speeds and accelerations as masks."""
-    masks = {}
-    for order, name in ((1, "fastest"), (2, "hardest")):
-        motion = [
-            np.pad(np.linalg.norm(np.diff(t.scene.truth, n=order, axis=0), axis=-1), ((1, order - 1), (0, 0)))
-            for t in takes
-        ]
-        least = np.quantile(np.concatenate(motion), 1.0 - EXTREME)
-        masks[f"{name} {100 * EXTREME:.0f} %"] = [part >= least for part in motion]
-    return masks
-
-
 def sequences(
     *,
     takes: int | None = None,
@@ -116,7 +96,6 @@ def sequences(
     conditions: tuple[str, ...] = recordings.CONDITIONS,
     methods: tuple[str, ...] = USUAL,
     confidence: bool = False,
-    joints: bool = False,
     seed: int = 0,
 ) -> Iterator[Table]:
     """Compare methods on recordings."""
@@ -128,13 +107,6 @@ def sequences(
         title = f"{condition}: {views} views, {fps} Hz, {n_frames} frames, simulated detections"
         rows = {name: errors.row() for name, errors in results.items()}
         yield Table.of(title, "method", rows)
-        if joints:
-            by_part = {
-                f"{name}, {part}": errors.row(masks)
-                for part, masks in parts(found).items()
-                for name, errors in results.items()
-            }
-            yield Table.of(f"{condition}, by joints", "method, joints", by_part)
 
 
 if __name__ == "__main__":

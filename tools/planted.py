@@ -281,7 +281,7 @@ tests/unit/test_viz.py, tests/unit/test_viz_print.py
 +figure.savefig(stream, format="png", dpi=figure.dpi / 2,
 
 the overview compares distorted detections with ideal reprojections | dropped undistortion
-tests/unit/test_run_figures.py
+tests/unit/test_run.py
 -        seen[:, :2] = run.cameras[view].undistort(seen[:, :2])
 +        pass
 
@@ -357,7 +357,7 @@ tests/unit/test_calibration_formats.py
 +centre = centre / binning
 
 error ellipses on videos ignore correlations between axes | wrong picture
-tests/unit/test_overlay_drawing.py, tests/unit/test_overlay_input.py
+tests/unit/test_overlay_command.py
 -jacobian, covariances, jacobian)
 +jacobian, covariances * np.eye(3), jacobian)
 

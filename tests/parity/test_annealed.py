@@ -134,14 +134,3 @@ def test_how_far_views_compare(views: list[View], best: float) -> None:
     else:
         expected = evidence.view_factors(pose, rays, 12.0, pixel_mm(pose, rays))
         assert factors == pytest.approx(expected, rel=1e-8)
-
-
-def test_two_views_against_two() -> None:
-    views = ring(4)
-    detections = with_outliers(views, 0.0)
-    elsewhere = scenes.H36M_POSE + np.array([1500.0, 0.0, 0.0])
-    for i in (2, 3):
-        seen = elsewhere @ views[i].R.T + views[i].t
-        detections[i, :, :2] = (seen @ views[i].K.T)[:, :2] / seen[:, 2:]
-    found = refine(detections, views, None)
-    assert np.count_nonzero(found.joint_status == "weak") > 8

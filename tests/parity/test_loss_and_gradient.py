@@ -62,29 +62,6 @@ def test_person_with_symmetry_equals_the_twin(encoding: str, tier: int) -> None:
     assert_equals_twin(found, expected)
 
 
-@pytest.mark.parametrize(("unit", "mm"), [("cm", 10.0), ("m", 1000.0)])
-def test_unit_changes_the_numbers_but_not_the_loss(unit: str, mm: float) -> None:
-    scene = scenes.person()
-    cameras = [sk.Camera(v.K, v.R, v.t / mm, size=v.size) for v in scene.views]
-    means, log_scales, quaternions = scene.gaussians
-    found = sk.loss_and_gradient(
-        means / mm,
-        log_scales - np.log(mm),
-        quaternions,
-        scene.detections,
-        sk.CameraRig(cameras, unit=unit),
-        layout="h36m17",
-        config=sk.RefineConfig.paper(),
-        target_means=scene.initial.means / mm,
-        target_covariances=scene.initial_covariances / mm**2,
-    )
-    in_mm = bridge.loss_and_gradient(scene, layout="h36m17")
-    assert found.loss == pytest.approx(in_mm.loss, rel=1e-10)
-    assert found.symmetry == pytest.approx(in_mm.symmetry, rel=1e-10)
-    assert scenes.worst_relative_error(found.d_means, in_mm.d_means * mm) < GRADIENT_RELATIVE
-    assert scenes.worst_relative_error(found.d_log_scales, in_mm.d_log_scales) < GRADIENT_RELATIVE
-
-
 def test_views_without_any_detection_do_not_count() -> None:
     scene = scenes.three_joints()
     blind = scene.detections.copy()

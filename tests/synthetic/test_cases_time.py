@@ -152,7 +152,9 @@ def test_neither_a_period_nor_stillness_is_a_lag():
         assert {one.status for one in report} == {"sound"}
 
 
-@pytest.mark.parametrize(("name", "hz", "late"), [("squats", 2.0, 20), ("curls", 1.0, 3), ("still", 0, 5)])
+@pytest.mark.parametrize(
+    ("name", "hz", "late"), [("squats", 2.0, 20), ("still", 0, 5), swept("curls", 1.0, 3)]
+)
 def test_a_lag_that_cannot_be_told_is_in_doubt_or_within_the_bar(name, hz, late):
     rng = np.random.default_rng(0)
     motion = exercise(name, hz, rng) if hz else still("standing", rng)

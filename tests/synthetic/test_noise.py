@@ -8,7 +8,6 @@ import pytest
 
 import skelsplat as sk
 from skelsplat import synthetic
-from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic import DetectionNoise, Memory
 from skelsplat.synthetic.detections import corrupt
 
@@ -158,6 +157,7 @@ def test_monocular_poses_err_mostly_along_the_ray(poses, rig):
     [
         (lambda _: DetectionNoise(sigma_px=-1.0), "sigma_px"),
         (lambda _: DetectionNoise(disc_radius=(0.3, 0.1)), "disc_radius"),
+        (lambda _: Memory(frame_rate=0.0), "frame_rate"),
         (lambda rig: seen(np.zeros((17, 3)), rig, layout="body25"), "layout"),
         (lambda rig: seen(np.zeros((17, 2)), rig), "points"),
         (lambda rig: seen(np.zeros((17, 3)), rig, noise=DetectionNoise.occluded(5)), "noise.occluded_views"),
@@ -239,19 +239,6 @@ def test_outliers_come_in_bursts_with_one_offset(frame_rate):
     assert np.linalg.norm(flat, axis=-1)[off].mean() == pytest.approx(noise.outlier_px, rel=0.15)
 
 
-def test_misses_and_swaps_last():
-    missing = np.isnan(corrupt(still(1800), noise=replace(STEADY, miss_rate=0.05))[..., 0]).reshape(1800, -1)
-    assert missing.mean() == pytest.approx(0.05, abs=0.012)
-    assert (stays(missing) / 30.0).mean() == pytest.approx(0.3, abs=0.06)
-    pixels = still(1800, 8)
-    noise = replace(STEADY, limb_swap_rate=0.1)
-    swapped = np.abs(corrupt(pixels, noise=noise, layout=LAYOUT)[..., :2] - pixels).max(axis=-1) > 0
-    arm = swapped[:, :, LAYOUT.joints.index("left_wrist")]
-    # 8 views of 60 s: 80 swaps; 4·0.1·√(1.3/80) = 0.05 on the share, 4·0.23/√80 = 0.1 s on the mean.
-    assert arm.mean() == pytest.approx(0.1, abs=0.05)
-    assert (stays(arm) / 30.0).mean() == pytest.approx(0.6, abs=0.11)
-
-
 @pytest.mark.parametrize("count", [1, 3])
 def test_occluders_stay_and_there_are_always_as_many(count):
     memory = Memory(frame_rate=30.0)
@@ -263,9 +250,3 @@ def test_occluders_stay_and_there_are_always_as_many(count):
     assert seconds.mean() == pytest.approx(1.25, abs=0.2)
     assert seconds.min() >= 0.46
     assert seconds.max() <= 2.04
-
-
-def test_a_bad_frame_rate_is_named():
-    with pytest.raises(InvalidInputError) as caught:
-        Memory(frame_rate=0.0)
-    assert caught.value.argument == "frame_rate"

@@ -81,18 +81,6 @@ def test_it_is_better_than_triangulation_and_the_paper(poses, rig, name):
     assert error(sk.triangulate(detections, rig), poses) < error(ransac, poses)
 
 
-@pytest.mark.parametrize("noise", [NOISES["good"], LOUD])
-def test_the_start_does_not_matter(poses, rig, noise):
-    detections = simulated(poses, rig, noise)
-    start = sk.triangulate(detections, rig, method="dlt")
-    errors = [
-        error(refined(detections, rig, synthetic.perturb(start, level, seed=3)).pose, poses)
-        for level in (0.0, 20.0, 50.0, 100.0, 200.0, 400.0)
-    ]
-    assert max(errors) - min(errors) < 0.1
-    assert abs(errors[0] - error(refined(detections, rig).pose, poses)) < 0.1
-
-
 def least(ratios: np.ndarray, errors: list[float]) -> float:
     """Ratio of the least error, by a parabola in its logarithm through the best and its neighbours."""
     k = int(np.clip(np.argmin(errors), 1, len(ratios) - 2))

@@ -12,6 +12,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import skelsplat as sk
+from calibration_files import openpose_folders
 from command_line import READ, succeed
 from skelsplat import synthetic
 from skelsplat.io import sample, write_calibration
@@ -28,19 +29,6 @@ def scene() -> SimpleNamespace:
     return SimpleNamespace(rig=rig, pose=pose, detections=detections, layout="h36m17")
 
 
-def write_detections(root, rig, detections):
-    """Write (T, M, N, 2) as OpenPose folders; NaN becomes the zeros of OpenPose."""
-    for i, name in enumerate(rig.names):
-        (root / name).mkdir(parents=True)
-        for t in range(len(detections)):
-            seen = np.isfinite(detections[t, i]).all(axis=1, keepdims=True)
-            joints = np.where(
-                seen, np.hstack([np.nan_to_num(detections[t, i]), np.full(seen.shape, 0.9)]), 0.0
-            )
-            people = [{"pose_keypoints_2d": joints.ravel().tolist()}]
-            (root / name / f"{t:06d}_keypoints.json").write_text(json.dumps({"people": people}))
-
-
 def write_recording(folder, n_frames=5):
     """Write a walk of some frames in four cameras, in mm; the last camera never sees joint 3."""
     rig = synthetic.human36m_like()
@@ -49,7 +37,7 @@ def write_recording(folder, n_frames=5):
     detections += np.random.default_rng(1).normal(0.0, 2.0, detections.shape)
     detections[:, -1, 3] = np.nan
     write_calibration(folder / "Calib.toml", rig)
-    write_detections(folder / "openpose", rig, detections)
+    openpose_folders(folder / "openpose", rig, detections)
     return folder, rig, pose
 
 
@@ -82,9 +70,13 @@ def recording(tmp_path, request):
 
 
 @pytest.fixture
-def job(recording):
+def folder(recording):
+    return recording[0]
+
+
+@pytest.fixture
+def job(folder):
     """Return the job of the recording's files, with what a test changes."""
-    folder, _, _ = recording
 
     def make(**options):
         given = {"unit": "mm", "layout": "h36m17", "fps": 50.0, **options}
@@ -124,8 +116,7 @@ def short_sample(monkeypatch):
 
 
 @pytest.fixture
-def arguments(recording):
-    folder, _, _ = recording
+def arguments(folder):
     return ["refine", str(folder / "Calib.toml"), str(folder / "openpose"), "-o", str(folder / "out")]
 
 

@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
-import shutil
-import subprocess
-import sys
 from importlib.util import find_spec
 
 import numpy as np
@@ -143,47 +138,6 @@ def test_glb_and_bvh_say_the_same(tmp_path):
     np.testing.assert_allclose(times, np.arange(T) / FPS, atol=1e-6)
 
 
-BLENDER = """
-import json, sys
-import bpy
-folder, parts = sys.argv[-2], json.loads(sys.argv[-1])
-for kind in ("bvh", "glb"):
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    if kind == "bvh":
-        bpy.ops.import_anim.bvh(filepath=f"{folder}/walk.bvh", global_scale=0.01)
-    else:
-        bpy.ops.import_scene.gltf(filepath=f"{folder}/walk.glb")
-    scene, found = bpy.context.scene, {}
-    (armature,) = (one for one in bpy.data.objects if one.type == "ARMATURE")
-    for t in (0, 17, 39):
-        frame = 1 + t if kind == "bvh" else t / 50.0 * scene.render.fps
-        scene.frame_set(int(frame), subframe=frame - int(frame))
-        found[t] = {part: list(armature.matrix_world @ armature.pose.bones[part].head) for part in parts}
-    open(f"{folder}/{kind}.json", "w").write(json.dumps(found))
-"""
-
-
-@WITH_GLB
-def test_blender_reads_both(tmp_path):
-    """By its program, or by a Python with its package bpy, which needs an older NumPy than the tests."""
-    python = os.environ.get("PYTHON_WITH_BPY") or (sys.executable if find_spec("bpy") else None)
-    program = shutil.which("blender")
-    if not (program or python):
-        pytest.skip("Blender is not installed, and PYTHON_WITH_BPY names no Python that has bpy")
-    for kind in ("bvh", "glb"):
-        write_pose(tmp_path / f"walk.{kind}", walk(), frame_rate=FPS)
-    (tmp_path / "read.py").write_text(BLENDER)
-    start = [program, "--background", "--python"] if program else [python]
-    given = [str(tmp_path / "read.py"), *(["--"] if program else []), str(tmp_path), json.dumps([*JOINTS])]
-    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    subprocess.run([*start, *given], check=True, capture_output=True, env=environment)
-    places, *_ = read_bvh(tmp_path / "walk.bvh")
-    for kind in ("bvh", "glb"):
-        for t, found in json.loads((tmp_path / f"{kind}.json").read_text()).items():
-            for part, (x, y, z) in found.items():
-                np.testing.assert_allclose([x, z, -y], places[part][int(t)] / 100, atol=1e-3)
-
-
 def test_an_arm_that_is_stretched_does_not_twist(tmp_path):
     """The plane of the elbow is lost where the arm is straight."""
     pose = np.repeat(synthetic.motion("walk", 1, fps=FPS), 60, axis=0)
@@ -296,14 +250,6 @@ def test_another_vertical_becomes_y(tmp_path):
     write_pose(tmp_path / "walk.bvh", walk(turned), frame_rate=FPS, up=[0.0, -1.0, 0.0])
     places, *_ = read_bvh(tmp_path / "walk.bvh")
     np.testing.assert_allclose(10 * places["LeftHand"][:, 1], upright(pose, "left_wrist")[:, 1], atol=1.0)
-
-
-def test_marker_files_become_animations_the_right_way_up(tmp_path):
-    write_pose(tmp_path / "walk.trc", walk(), frame_rate=FPS, y_up=True, marker_names="pose2sim")
-    convert_poses(tmp_path / "walk.trc", tmp_path / "walk.bvh")
-    places, *_ = read_bvh(tmp_path / "walk.bvh")
-    for part, joint in JOINTS.items():
-        np.testing.assert_allclose(10 * places[part][:, 1], upright(walk().pose, joint)[:, 1], atol=1.0)
 
 
 @pytest.mark.parametrize("source", ["walk.npz", "walk.trc"])

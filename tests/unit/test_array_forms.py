@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from array_forms import ARGUMENTS, CALLS, FORMS, MASKED, PIXELS, POSES, RIG, outcome, unaligned
+from array_forms import ARGUMENTS, CALLS, FORMS, MASKED, POSES, RIG, outcome
 from skelsplat import metrics
 
 
@@ -64,14 +64,6 @@ def test_what_is_no_number_is_refused(call, argument):
             said = rf"config\.{argument}"
         with pytest.raises(sk.InvalidInputError, match=r"^" + said):
             CALLS[call][0](**(CALLS[call][1] | {argument: change(array)}))
-
-
-def test_confidences_of_zero_count_when_they_are_unaligned():
-    none = np.zeros(PIXELS.shape[:-1])
-    statuses = sk.refine(None, PIXELS, RIG, layout="h36m17", confidence=unaligned(none)).joint_status
-    assert (statuses == "unobserved").all()
-    with pytest.raises(sk.InvalidInputError, match=r"confidence\[0, 0, 0\]"):
-        sk.refine(None, PIXELS, RIG, confidence=unaligned(none + 7.0))
 
 
 def test_pandas_frames_with_missing_numbers():

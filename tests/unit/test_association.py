@@ -105,12 +105,6 @@ def test_of_two_who_fit_equally_well_the_larger_is_chosen(larger):
     np.testing.assert_array_equal(chosen(*(seen(points, noise_px=0.0) for points in both))[1], larger)
 
 
-def test_people_of_a_wrong_shape():
-    for shape in ((FRAMES, 3, 1, JOINTS, 3), (FRAMES, VIEWS, JOINTS, 3), (FRAMES, VIEWS, 0, JOINTS, 3)):
-        with pytest.raises(sk.InvalidInputError, match="people: "):
-            choose_person(np.zeros(shape), RIG)
-
-
 def test_a_view_with_exchanged_sides_is_the_same_person_if_the_layout_is_known():
     """Joints 0 to 5 are left, 6 to 11 their right twins, half a metre apart."""
     names = [f"left_{k}" for k in range(6)] + [f"right_{k}" for k in range(6)]

@@ -13,9 +13,9 @@ import pytest
 import skelsplat as sk
 from command_line import assert_fails, invoke
 from skelsplat._lock import locked
-from skelsplat.io import read_calibration, read_npz, write_calibration
+from skelsplat.io import read_npz
 from skelsplat.run import Job, Recording, batch, run_batch
-from skelsplat.run.batch import key_of, trials
+from skelsplat.run.batch import trials
 from skelsplat.run.folder import output_folder
 
 GIVEN = {"unit": "mm", "layout": "h36m17", "fps": 50, "write": (), "html": False}
@@ -23,9 +23,8 @@ OPTIONS = ["--unit", "mm", "--layout", "h36m17", "--no-html", "--write", "csv", 
 
 
 @pytest.fixture
-def jobs(recording):
+def jobs(folder):
     """Two recordings: the same files, solved in two ways."""
-    folder, _, _ = recording
     one = Job(folder / "Calib.toml", folder / "openpose", **GIVEN)
     return {"one": one, "two": replace(one, frame_by_frame=True)}
 
@@ -146,8 +145,7 @@ def test_a_process_that_dies_fails_its_recording_alone(jobs, tmp_path, monkeypat
     assert [one.error for one in found.failed] == ["its process ended with status 1: no memory"] * 2
 
 
-def test_a_folder_that_holds_detections_is_refused(jobs, runs, recording, tmp_path):
-    folder, _, _ = recording
+def test_a_folder_that_holds_detections_is_refused(jobs, runs, folder, tmp_path):
     before = sorted(folder.rglob("*"))
     of_one = tmp_path / "apart" / "batch.csv"
     given = {
@@ -161,21 +159,6 @@ def test_a_folder_that_holds_detections_is_refused(jobs, runs, recording, tmp_pa
             run_batch(wanted, out)
     assert runs == []
     assert sorted(folder.rglob("*")) == before
-
-
-def test_the_key_is_that_of_the_content(jobs, tmp_path):
-    job = jobs["one"]
-    key = key_of(job)
-    assert key_of(replace(job, output="elsewhere", calibration=Path(job.calibration))) == key
-    for change in ({"person": 0}, {"offsets": {"cam1": 1}}, {"filter": "butterworth:6"}, {"layout": None}):
-        assert key_of(replace(job, **change)) != key
-    (tmp_path / "copy" / "results").mkdir(parents=True)
-    calibration = tmp_path / "copy" / "Calib.toml"
-    calibration.write_bytes(Path(job.calibration).read_bytes())
-    (tmp_path / "copy" / "results" / "report.json").write_text("{}")  # a folder that is a calibration
-    assert key_of(replace(job, calibration=tmp_path / "copy")) == key
-    write_calibration(calibration, sk.CameraRig([*read_calibration(calibration, unit="mm")][::-1], unit="mm"))
-    assert key_of(replace(job, calibration=tmp_path / "copy")) != key
 
 
 def test_several_people_have_a_row_each():
@@ -203,9 +186,8 @@ def test_several_people_have_a_row_each():
 
 
 @pytest.fixture
-def listed(recording):
+def listed(folder):
     """Write a file of two sessions; return its folder."""
-    folder, _, _ = recording
     (folder / "sessions.toml").write_text(
         '[defaults]\ncalibration = "Calib.toml"\nfps = 50\n'
         '[[session]]\ndetections = "openpose"\n'

@@ -96,14 +96,6 @@ def test_chunks_in_time_have_the_bits_of_one_call(seen, whole, sizes):
             np.testing.assert_allclose(result.bone_length_sigma, whole.bone_length_sigma, rtol=0.2)
 
 
-def test_an_array_is_read_where_it_is_sliced(seen, whole, tmp_path):
-    np.save(tmp_path / "seen.npy", seen)
-    mapped = np.load(tmp_path / "seen.npy", mmap_mode="r")
-    same(list(sk.refine_batches(mapped, RIG, fps=FPS, layout=ARM)), whole)
-    parts = sk.refine_batches(mapped, RIG, fps=FPS, layout=ARM, frames_per_chunk=400)
-    same(list(parts), whole, but=("bone_length_sigma",))
-
-
 def test_a_function_opens_the_chunks_anew_and_may_fill_the_same_array_again(seen, whole):
     opened, given = [], np.empty_like(seen[:100])
 
@@ -115,12 +107,6 @@ def test_a_function_opens_the_chunks_anew_and_may_fill_the_same_array_again(seen
 
     same(list(sk.refine_batches(chunks, RIG, fps=FPS, layout=ARM)), whole, but=("bone_length_sigma",))
     assert len(opened) == 3
-
-
-@pytest.mark.parametrize("n", [1, 600])
-def test_a_recording_of_one_window_is_solved_at_once(seen, n):
-    expected = sk.refine_sequence(seen[:n], RIG, fps=FPS, layout=ARM)
-    same(list(sk.refine_batches(cut(seen[:n], n // 2), RIG, fps=FPS, layout=ARM)), expected)
 
 
 def test_memory_does_not_grow_with_the_recording(seen):

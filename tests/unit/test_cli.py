@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import FAST, READ, RESULTS, ROOT, assert_fails, commands, invoke, succeed
+from command_line import FAST, READ, RESULTS, assert_fails, invoke, succeed
 from skelsplat.io import PoseData, read_npz, read_run, write_npz, write_pose
 from skelsplat.run import engine
 from skelsplat.run import folder as run_folder
@@ -45,8 +45,7 @@ def test_the_printed_table_fits_80_columns_and_counts_missing_detections(argumen
     assert "\x1b[" not in result.stdout
 
 
-def test_paper_runs_the_papers_preset(recording, arguments):
-    folder, _, _ = recording
+def test_paper_runs_the_papers_preset(folder, arguments):
     result = succeed(*arguments, *READ, *FAST, "--paper", "--fps", 50)
     assert "Solved frame by frame, as always with the method paper." in result.stdout
     assert {path.name for path in (folder / "out").iterdir()} == RESULTS
@@ -71,7 +70,6 @@ def test_an_initial_pose_is_read_in_its_own_unit(recording, arguments):
     [
         ("--layout", ["--unit", "mm"]),
         ("--unit", ["--unit", "inch"]),
-        ("--person", [*READ, "--person", 7]),
         ("--people", [*READ, "--people", "0"]),
         ("--sigma-mm", [*READ, "--sigma-mm", "-1"]),
         ("--fps", [*READ, "--fps", "nan"]),
@@ -81,22 +79,19 @@ def test_an_initial_pose_is_read_in_its_own_unit(recording, arguments):
         ("No such option … --sigmas", [*READ, "--sigmas", "3"]),
     ],
 )
-def test_bad_usage_is_status_2_and_names_the_option(recording, arguments, option, extra):
-    folder, _, _ = recording
+def test_bad_usage_is_status_2_and_names_the_option(folder, arguments, option, extra):
     assert_fails(invoke(*arguments, *extra), 2, *f"error: {option}".split(" … "), "see", "--help")
     assert not (folder / "out").exists()
 
 
 @pytest.mark.parametrize("name", ["Calib.toml", "openpose"])
-def test_a_missing_file_is_status_1_and_named(recording, arguments, name):
-    folder, _, _ = recording
+def test_a_missing_file_is_status_1_and_named(folder, arguments, name):
     (folder / name).rename(folder / "elsewhere")
     assert_fails(invoke(*arguments, *READ), 1, str(folder / name))
 
 
 @pytest.mark.parametrize("given", [["-o", ""], ["--output", ""], ["--output="]])
-def test_an_empty_output_is_not_the_current_folder(recording, monkeypatch, given):
-    folder, _, _ = recording
+def test_an_empty_output_is_not_the_current_folder(folder, monkeypatch, given):
     monkeypatch.chdir(folder)
     before = sorted(folder.iterdir())
     files = [folder / "Calib.toml", folder / "openpose"]
@@ -107,10 +102,7 @@ def test_an_empty_output_is_not_the_current_folder(recording, monkeypatch, given
 
 
 @pytest.mark.parametrize("command", ["refine", "demo"])
-def test_an_output_folder_below_a_file_is_status_1_before_the_work(
-    recording, arguments, monkeypatch, command
-):
-    folder, _, _ = recording
+def test_an_output_folder_below_a_file_is_status_1_before_the_work(folder, arguments, monkeypatch, command):
     (folder / "file").write_text("")
     monkeypatch.setattr(engine, "open_files", lambda *_: pytest.fail("the input was read"))
     bad = folder / "file" / "out"
@@ -118,8 +110,7 @@ def test_an_output_folder_below_a_file_is_status_1_before_the_work(
     assert_fails(invoke(*args), 1, str(bad), "output", "expected a folder that can be written")
 
 
-def test_a_result_that_cannot_be_written_is_status_1(recording, arguments, monkeypatch):
-    folder, _, _ = recording
+def test_a_result_that_cannot_be_written_is_status_1(folder, arguments, monkeypatch):
 
     def write(path, data, **options):
         if path.suffix == ".csv":
@@ -133,9 +124,8 @@ def test_a_result_that_cannot_be_written_is_status_1(recording, arguments, monke
 
 @pytest.mark.parametrize("people", [[], ["--people", "all"]])
 def test_ctrl_c_while_files_are_written_says_that_the_folder_is_unfinished(
-    recording, arguments, monkeypatch, people
+    folder, arguments, monkeypatch, people
 ):
-    folder, _, _ = recording
 
     def interrupted(*_args, **_kwargs):
         raise KeyboardInterrupt
@@ -180,28 +170,3 @@ def test_a_failure_leaves_an_output_folder_as_it_was(recording, arguments):
     (folder / "results" / "notes.txt").write_text("mine")
     assert invoke(*arguments, *READ, "-o", nested).exit_code == 1
     assert [path.name for path in (folder / "results").iterdir()] == ["notes.txt"]
-
-
-@pytest.mark.parametrize(
-    ("said", "typed"),
-    [
-        ("one format (format=)", "one format (--format)"),
-        ('; layout="file" takes', "; --layout file takes"),
-        ("without= leaves out", "--without leaves out"),
-        ('(person="cam1:9,9")', "(--person cam1:9,9)"),
-        ("(people=2)", "(--people 2)"),
-        ('mapping={"nose": "NAME"}, or', "--map nose=NAME, or"),
-        ('mapping={"left knee": None} does', "--map 'left knee=none' does"),
-        ('colour="red" in layout=x/pose.json', 'colour="red" in layout=x/pose.json'),
-    ],
-)
-def test_keywords_in_a_sentence_are_typed_as_options(said: str, typed: str) -> None:
-    refine = dict(commands(ROOT))[("refine",)]
-    assert refine.worded(said) == typed
-
-
-@pytest.mark.parametrize(("value", "got"), [("-1", "got -1"), ("x", "got x")])
-def test_a_number_out_of_range_is_named(value: str, got: str) -> None:
-    error = invoke("live", "Calib.toml", "--layout", "coco17", "--lag", value).stderr
-    assert error.startswith("error: --lag: expected ")
-    assert got in error or f"'{value}'" in error  # as older versions of click say it

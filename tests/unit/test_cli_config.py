@@ -18,11 +18,6 @@ layout = "h36m17"
 """
 
 
-@pytest.fixture
-def folder(recording):
-    return recording[0]
-
-
 def configured(folder, text, *args, command="refine"):
     (folder / "run.toml").write_text(BASE + text, encoding="utf-8")
     return invoke(*command.split(), "--config", folder / "run.toml", *args)
@@ -167,20 +162,6 @@ def test_a_file_that_cannot_be_read_is_status_1(tmp_path, content):
     if content is not None:
         path.write_bytes(content)
     assert_fails(invoke("refine", "--config", path), 1, f"{path}: ")
-
-
-def test_a_flag_and_a_command_of_the_same_name(tmp_path, monkeypatch):
-    jobs = []
-    monkeypatch.setattr("skelsplat.cli.refine.run_and_print", lambda job, **_: jobs.append(job))
-    path, common = tmp_path / "run.toml", 'calibration = "a"\ndetections = "b"\noutput = "c"\n'
-    for text in (
-        "adjust-cameras = true",
-        "[refine]\nadjust_cameras = true",
-        "[adjust-cameras]\nfocal = true",
-    ):
-        path.write_text(common + text)
-        assert invoke("refine", "--config", path).exit_code == 0
-    assert [job.adjust_cameras for job in jobs] == [True, True, False]
 
 
 @pytest.mark.parametrize("path", [path for path, _ in commands(ROOT)], ids=" ".join)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from skelsplat import synthetic
-from skelsplat.association import take_people
 from skelsplat.run.findings import find_cameras, find_whole, unfit_cameras
 from two_people import picked
 
@@ -128,12 +127,3 @@ def test_a_camera_that_alone_sees_somebody_contradicts_nobody():
     seen[5:10, 1] = [0.0, 1000.0, 0.0] + [1.0, -1.0, 1.0] * seen[5:10, 0]  # upside down: of no such body
     _, unmatched, _ = picked(seen[:, :, None], rig, "consistent", None)
     assert unmatched.sum(axis=0).tolist() == [5, 5, 0, 0]
-
-
-@pytest.mark.parametrize("hidden", [1, 2, 3])
-def test_occluded_views_fit(hidden):
-    rig, noise = synthetic.human36m_like(distortion=True), synthetic.DetectionNoise.occluded(hidden)
-    seen = synthetic.simulate_detections(synthetic.motion("walk", 30, seed=1), rig, noise=noise, seed=3)
-    index, unmatched, _ = picked(seen[:, :, None], rig, "consistent")
-    chosen = take_people(seen[:, :, None], index)
-    assert unfit_cameras(SimpleNamespace(detections=chosen, unmatched=unmatched, rig=rig)) == {}

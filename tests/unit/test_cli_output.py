@@ -15,11 +15,10 @@ from rich.table import Column, Table
 
 from command_line import ROOT, commands, invoke, succeed
 from skelsplat import synthetic
-from skelsplat._json import plain
-from skelsplat.cli.output import options, print_findings, print_message, quieter, tell
+from skelsplat.cli.output import options, quieter, tell
 from skelsplat.cli.table import new_table, print_parts, print_table
 from skelsplat.datasets.synthetic import write_simulated
-from skelsplat.findings import Finding, Remedy, Subject
+from skelsplat.findings import Finding, Remedy
 from sweeps import swept
 
 COMMANDS = {path: {opt for own in command.params for opt in own.opts} for path, command in commands(ROOT)}
@@ -64,9 +63,8 @@ def dome(tmp_path_factory):
 
 
 @pytest.fixture
-def cases(recording, dome):
+def cases(folder, dome):
     """Every command that prints a result, with arguments and the keys of its document."""
-    folder, _, _ = recording
     calibration, out = folder / "Calib.toml", folder / "out"
     return {
         "demo": (["-o", out], {"input", "findings"}),
@@ -111,13 +109,6 @@ def test_json_is_a_document_and_quiet_is_silence(cases, name):
     assert all(line.startswith("warning: ") for line in quiet.stderr.splitlines())
 
 
-def test_a_number_that_is_none_is_null():
-    assert plain({"a": [float("nan"), float("inf"), 1.5], 2: (True, None)}) == {
-        "a": [None, None, 1.5],
-        "2": [True, None],
-    }
-
-
 COLOURED = ["datasets", "list"]
 
 
@@ -130,13 +121,6 @@ def through_a_pipe(*args, **variables):
 @pytest.mark.parametrize("args", [["refine", "--help"], COLOURED, swept(["--help"])])
 def test_no_colour_without_a_terminal(args):
     assert b"\x1b" not in through_a_pipe(*args, TERM="xterm-256color", COLORTERM="truecolor").stdout
-
-
-@pytest.mark.skipif(os.name != "posix", reason="Windows has no shell that closes stdout")
-def test_stdout_that_is_closed_from_the_start_is_no_error():
-    command = [sys.executable, "-m", "skelsplat", "layouts", "coco17"]
-    done = subprocess.run(["sh", "-c", 'exec "$@" >&-', "sh", *command], capture_output=True, check=False)
-    assert (done.returncode, done.stderr) == (0, b"")
 
 
 @pytest.mark.parametrize("width", [40, 80])
@@ -155,23 +139,11 @@ def test_a_table_keeps_names_and_words_whole_on_a_narrow_console(width):
     assert console.width == width
 
 
-def test_warnings_are_wrapped_on_a_terminal_alone(monkeypatch, capsys):
-    words = "word " * 30
-    print_message(f"warning: {words.strip()}")
-    assert capsys.readouterr().err == f"warning: {words.strip()}\n"
-    monkeypatch.setenv("COLUMNS", "60")
-    monkeypatch.setenv("FORCE_COLOR", "1")  # rich's way to say that it is a terminal
-    print_message(f"warning: {words}/a/path/{'of-many-parts/' * 6}")
-    lines = capsys.readouterr().err.splitlines()
-    assert lines[-1].startswith("/a/path/of-many-parts/of-many-parts")  # whole, to be copied
-    assert 50 < max(map(len, lines[:-1])) <= 60
-
-
 def test_a_finding_begins_with_its_severity(capsys):
     for severity in ("error", "warning", "note"):
         finding = Finding("remark", severity, sentence="words")
         tell(finding)
-        with quieter(quiet=True):
+        with quieter(True):
             tell(finding)
     tell(finding, "person 1: ")
     said = ["error: words"] * 2 + ["warning: words"] * 2 + ["note: words", "note: person 1: words"]
@@ -196,18 +168,6 @@ def test_a_remedy_that_another_command_has_names_it(command, remedy, words, caps
     finally:
         options.reset(running)
     assert capsys.readouterr().err == f"warning: Something is wrong. Try {words}.\n"
-
-
-def test_a_finding_keeps_its_options_whole():
-    console = Console(file=StringIO(), width=50)
-    remedy = (Remedy("without", "the camera"), Remedy("frame_by_frame"))
-    sentence = "Something is wrong with the camera."
-    finding = Finding("remark", "warning", Subject(), {}, remedy, sentence=sentence)
-    print_findings([finding], console, of="person 1: ")
-    assert console.file.getvalue().splitlines() == [
-        "! person 1: Something is wrong with the camera.",
-        "Try --without 'the camera', --frame-by-frame.",
-    ]
 
 
 @pytest.mark.parametrize(("width", "parts"), [(40, 2), (80, 1)])

@@ -98,9 +98,8 @@ def test_weak_joints_are_filled_when_asked(recording, arguments):
     np.testing.assert_allclose(written.pose[2, 16], written.pose[[1, 3], 16].mean(axis=0), atol=20.0)
 
 
-def test_an_unknown_frame_rate_is_a_warning_of_the_files_that_need_one(recording, arguments):
+def test_an_unknown_frame_rate_is_a_warning_of_the_files_that_need_one(folder, arguments):
     pytest.importorskip("ezc3d", reason="ezc3d is not installed")
-    folder, _, _ = recording
     run = [*arguments, *READ, "-q", "--write"]
     assert invoke(*run, "npz,csv,json").stderr == ""
     assert read_json(folder / "out" / "pose.json").frame_rate is None
@@ -152,13 +151,6 @@ def test_a_joint_that_a_single_view_detects_is_said_to_have_none(recording, argu
         rows = {(row["frame"], row["joint"]): row for row in csv.DictReader(stream)}
     row = rows["2", "right_wrist"]
     assert (row["x"], row["status"], row["n_views"]) == ("", "weak", "0")
-
-
-@pytest.mark.drawn
-def test_gaps_are_filled_at_a_joint_that_a_single_view_detects(recording, arguments):
-    out = hide(recording)
-    assert invoke(*arguments, *READ, *FREE, "--fill-gaps", 1).exit_code == 0
-    assert read_npz(out / "pose.npz").joint_status[2, 16] == "filled"
 
 
 @pytest.mark.drawn

@@ -147,12 +147,3 @@ def test_bones_need_a_layout(tmp_path):
 def test_a_wrong_option_is_named(tmp_path, options, status, parts):
     path = written(tmp_path / "walk.npz", h36m())
     assert_fails(invoke("plot", path, *options), status, *parts)
-
-
-def test_wrong_input_is_named(tmp_path):
-    assert_fails(invoke("plot", tmp_path / "none"), 1, "none", "no such")
-    path = written(tmp_path / "p.npz", h36m())
-    np.savez(path, **{**np.load(path), "frames": np.array([3, 2, 1, 4, 5, 6])})
-    assert_fails(invoke("plot", path), 1, "p.npz", "ascending")
-    path = written(tmp_path / "p.npz", h36m(0))
-    assert_fails(invoke("plot", path), 1, "p.npz", "frames", "at least one")

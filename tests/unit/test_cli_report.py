@@ -10,9 +10,7 @@ import pytest
 
 import skelsplat as sk
 from command_line import FAST, READ, invoke, read_report
-from skelsplat import synthetic
 from skelsplat.io import read_npz
-from skelsplat.run.angles import vertical_of, world_up
 
 pytestmark = pytest.mark.drawn  # odd recordings, which must have figures too
 
@@ -92,8 +90,7 @@ def test_detections_of_other_cameras_are_doubted(recording, arguments):
     assert [camera["missing"] for camera in cameras] == [T * 17, T * 17, 0, T]
 
 
-def test_detections_that_are_no_pixels_are_doubted(recording, arguments):
-    folder, _, _ = recording
+def test_detections_that_are_no_pixels_are_doubted(folder, arguments):
     for path in (folder / "openpose").rglob("*.json"):
         frame = json.loads(path.read_text())
         for person in frame["people"]:
@@ -107,12 +104,3 @@ def test_detections_that_are_no_pixels_are_doubted(recording, arguments):
         )
         assert (result.stdout + result.stderr).count("! No detection") == 0
     assert read_report(folder / "out")["findings"][0]["severity"] == "error"
-
-
-def test_world_up_is_the_axis_that_the_cameras_agree_on():
-    rig = synthetic.human36m_like()
-    np.testing.assert_array_equal(world_up(rig), [0.0, 0.0, 1.0])
-    turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # z up to y down
-    turned = [sk.Camera(c.K, c.R @ turn, c.t, size=c.size) for c in rig]
-    np.testing.assert_array_equal(world_up(sk.CameraRig(turned)), turn.T @ [0.0, 0.0, 1.0])
-    np.testing.assert_array_equal(vertical_of(rig), world_up(rig))

@@ -27,16 +27,6 @@ def test_the_default_is_annealed():
     assert (config.max_steps, config.step_tolerance) == (50, 0.01)
 
 
-@pytest.mark.parametrize(
-    ("make", "other"), [(sk.RefineConfig, "position_lr_mm"), (sk.RefineConfig.paper, "sigma_start_mm")]
-)
-def test_a_setting_of_the_other_method_is_refused(make, other):
-    with pytest.raises(sk.InvalidInputError) as caught:
-        make(**{other: 1.0})
-    assert caught.value.argument == f"config.{other}"
-    assert not hasattr(make(), other)
-
-
 def test_the_method_is_a_keyword_that_does_not_change():
     assert sk.RefineConfig(method="paper") == sk.RefineConfig.paper()
     with pytest.raises(sk.InvalidInputError) as caught:

@@ -102,14 +102,6 @@ def test_what_cannot_be_converted(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
 
 
-@pytest.mark.parametrize("kind", ["glb", "bvh", "npy", "anipose.csv"])
-def test_what_is_only_written_is_named(tmp_path, kind):
-    begins = {"glb": b"glTF\2\0\0\0", "npy": b"\x93NUMPY"}.get(kind, b"a_x,a_y,a_z,a_ncams\n")
-    (tmp_path / f"a.{kind}").write_bytes(begins)
-    result = invoke("convert", tmp_path / f"a.{kind}", tmp_path / "a.json")
-    assert_fails(result, 1, f"a .{kind} file, which is only written")
-
-
 def test_a_calibration_is_not_written_over_itself(tmp_path):
     path = tmp_path / "Calib.toml"
     write_calibration(path, synthetic.human36m_like())
@@ -207,8 +199,7 @@ def test_pose2sim_finds_its_markers(tmp_path, layout, kind):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_refine_and_convert_take_marker_names(recording, arguments, tmp_path):
-    folder, _, _ = recording
+def test_refine_and_convert_take_marker_names(folder, arguments, tmp_path):
     style = ["--marker-names", "pose2sim"]
     assert invoke(*arguments, *READ, "--fps", 50, "--write", "trc", *style).exit_code == 0
     assert "RHip" in read_trc(folder / "out" / "pose.trc").joint_names

@@ -13,13 +13,13 @@ from planted import FAULTS
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 40_287,
-    "cli": 3_903,
+    "package": 40_284,
+    "cli": 3_900,
     "core": 19_852,
     "binding": 2_760,
     "Rust tests": 5_997,
-    "Python tests": 28_471,
-    "benchmarks and tools": 4_520,
+    "Python tests": 27_499,
+    "benchmarks and tools": 4_347,
     "docs, words": 41_983,
     "README, words": 1_462,
 }

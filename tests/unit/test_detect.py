@@ -247,18 +247,6 @@ def test_several_people_by_rtmlib(videos, tmp_path, monkeypatch):
 # The command
 
 
-@pytest.mark.parametrize(
-    ("arguments", "status", "words"),
-    [
-        (["--model", "body"], 2, "--model"),
-        (["--device", "cuda"], 2, "--device"),
-        (["--backend", "rtmlib", "--mode", "fast"], 2, "--mode"),
-    ],
-)
-def test_wrong_options(videos, tmp_path, arguments, status, words):
-    assert_fails(invoke("detect", videos, "-o", tmp_path / "pose", *arguments), status, words)
-
-
 @pytest.mark.parametrize("name", ["mediapipe", "rtmlib"])
 def test_a_missing_package_and_its_extra(monkeypatch, tmp_path, name):
     monkeypatch.setitem(sys.modules, name, None)

@@ -57,19 +57,6 @@ def test_confidences_under_another_name_are_not_left_out(tmp_path, name):
     assert f"confidences under the name confidence, or none, got {name}" in refused(path)
 
 
-@pytest.mark.parametrize(
-    ("content", "begins"),
-    [
-        (lines("confidence").replace(",", ";").encode(), "'frame;joint;x;y;confidence'"),
-        (b"sep=,\n" + lines("confidence").encode(), "'sep=,'"),
-    ],
-)
-def test_a_file_that_nobody_knows_is_shown(tmp_path, content, begins):
-    for camera in CAMERAS:
-        (tmp_path / f"{camera}.csv").write_bytes(content)
-    assert f"none that is recognised: camA.csv begins with {begins}" in refused(tmp_path)
-
-
 def take(root, people=None, names=CAMERAS):
     return openpose(root, Take(anybody() if people is None else people, list(names), list(JOINTS)))
 
@@ -80,14 +67,6 @@ def test_confidences_of_wide_csv_have_short_names_too(tmp_path, name):
     expected = broken.read().people
     broken.replace("likelihood", name)
     np.testing.assert_array_equal(read(tmp_path).people, expected)
-
-
-def test_semicolons_and_a_project_without_predictions_are_named(tmp_path):
-    (tmp_path / "camA.csv").write_text("frame;nose_x;nose_y\n")
-    assert refused(tmp_path).endswith("separated by semicolons: save it with commas")
-    broken = Broken(tmp_path, "sleap_slp")
-    broken.h5(lambda file: file.__delitem__("pred_points"))
-    assert "pred_points: expected SLEAP's predictions" in refused(broken.file)
 
 
 def test_two_recordings_in_one_folder(tmp_path):

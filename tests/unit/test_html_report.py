@@ -109,14 +109,6 @@ def test_a_sequence_without_a_single_joint_has_a_page(written, frames):
     assert "<p>None.</p>" in text
 
 
-def test_the_vertical_becomes_z_by_a_rotation_of_named_axes():
-    for up in (*np.eye(3), *-np.eye(3)):
-        turn, names = upright(up)
-        np.testing.assert_array_equal(turn @ up, [0.0, 0.0, 1.0])
-        assert np.linalg.det(turn) == pytest.approx(1.0)
-        assert sorted(name[-1] for name in names) == ["x", "y", "z"]
-
-
 def about_cameras(**changes):
     """Build a report on two cameras, one of them with an ellipsoid, without poses before or problems."""
     stood = shapes(("door", "window"))

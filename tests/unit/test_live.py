@@ -12,7 +12,6 @@ import pytest
 from typer.testing import CliRunner
 
 import skelsplat as sk
-from array_forms import bits
 from command_line import assert_fails, invoke
 from skelsplat import synthetic
 from skelsplat.cli import app
@@ -166,17 +165,6 @@ def test_malformed_lines_are_named_and_skipped(tmp_path, detections):
     assert end.startswith(f"lines solved 1, malformed {len(lines)}; ")
 
 
-def test_encodings_of_a_line(tmp_path, detections):
-    """What is no UTF-8 is malformed; the mark with which Windows begins a stream is not."""
-    text = line(1, detections[0]).encode() + b"\n"
-    for data, expected in (
-        (b'\xff\xfe{"detections": []}\n' + text, [1, None]),
-        (b"\xef\xbb\xbf" + text, [None]),
-    ):
-        result = CliRunner().invoke(app, ["live", str(tmp_path / "Calib.toml"), *OPTIONS, "-q"], input=data)
-        assert [record.get("line") for record in records(result)] == expected
-
-
 def test_a_malformed_line_changes_nothing(tmp_path, detections):
     """Also where it would have reset the session: no frame that waits loses its answer."""
     wrong = plain(detections[1])
@@ -317,34 +305,3 @@ def test_the_lag_says_which_frame_is_answered(walk, seen):
     assert far(found, walk[:20]).mean() < 20.0
     errors = np.array([result.reprojection_error for result in results[4:]])
     assert np.array_equal(np.isfinite(errors), np.isfinite(seen[:20, ..., 0]) & (seen[:20, ..., 2] > 0))
-
-
-@pytest.mark.parametrize(
-    ("options", "argument"),
-    [
-        ({"fps": 0.0}, "fps"),
-        ({"fps": float("nan")}, "fps"),
-        ({"fps": 1e9}, "fps"),
-        ({"lag": -1}, "lag"),
-        ({"lag": 2.5}, "lag"),
-        ({"lag": 10**30}, "lag"),
-        ({"fps": None, "lag": 3}, "lag"),
-        ({"config": sk.RefineConfig.paper()}, "config.method"),
-    ],
-)
-def test_what_is_no_rate_or_lag_is_refused(options, argument):
-    with pytest.raises(sk.InvalidInputError) as caught:
-        refiner(**options)
-    assert caught.value.argument == argument
-
-
-@pytest.mark.parametrize("lag", [0, 2])
-def test_bad_input_leaves_the_state_as_it_was(seen, lag):
-    live, untouched = refiner(lag=lag), refiner(lag=lag)
-    for one in (live, untouched):
-        poses(one, seen[:5])
-    with pytest.raises(sk.InvalidInputError, match="expected one frame"):
-        live.step(seen)
-    with pytest.raises(sk.InvalidInputError, match="expected 17 joints, as in the previous frames"):
-        live.step(seen[0][:, :5])
-    assert bits(live.step(seen[5])) == bits(untouched.step(seen[5]))

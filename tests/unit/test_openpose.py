@@ -129,13 +129,6 @@ def test_frames_are_judged_after_offsets(root, lost):
         read(root, offsets={"cam02": -5})
 
 
-def test_no_frame_in_common(root):
-    for t in range(3):
-        a_file(root, frame=t).rename(a_file(root, frame=t + 3))
-    with pytest.raises(sk.DatasetError, match="frames: "):
-        read(root, frames="intersection")
-
-
 def test_a_frame_twice(root):
     shutil.copy(a_file(root), root / "cam02_json" / "other_1.json")
     with pytest.raises(sk.DatasetError, match=r"other_1\.json: file name"):

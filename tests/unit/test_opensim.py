@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from dataclasses import replace
 from importlib.util import find_spec
 from xml.etree import ElementTree
 
@@ -18,8 +17,7 @@ from skelsplat.io.poses import OPENSIM_FILES, write_opensim
 from skelsplat.io.poses._markers import IK_SETUPS
 from skelsplat.run import Run
 from skelsplat.run import run as run_job
-from skelsplat.run.folder import find_in_files
-from skelsplat.run.job import Job, Writing
+from skelsplat.run.job import Job
 
 Z_UP = np.array([0.0, 0.0, 1.0])
 TRC, SETUP, SCRIPT = OPENSIM_FILES
@@ -69,15 +67,6 @@ def test_without_scatter_the_weights_are_those_of_pose2sim(tmp_path):
     data = poses_of("mediapipe33")
     write_opensim(tmp_path, PoseData(data.pose, data.joint_names, data.frames, "mm"), Z_UP, 50.0)
     assert weights_of(tmp_path) == pytest.approx(IK_SETUPS["BLAZEPOSE"].weights, abs=1e-4)
-
-
-def test_the_recipe_names_the_packages_that_it_needs(tmp_path):
-    write_opensim(tmp_path, poses_of(), Z_UP)
-    command = [sys.executable, "-S", OPENSIM_FILES[2]]  # without installed packages
-    found = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert found.returncode == 1
-    assert found.stderr.count("\n") == 1
-    assert "pip install opensim pose2sim" in found.stderr
 
 
 def test_what_is_never_seen_is_left_out(tmp_path):
@@ -135,18 +124,6 @@ def test_what_is_no_person_is_refused_before_the_work(tmp_path):
     result = invoke("refine", *files, "--unit", "mm", "--opensim", "-o", tmp_path / "out")
     assert_fails(result, 2, "--opensim", "shoulders, hips, knees", "got hand21")
     assert not (tmp_path / "out").exists()
-
-
-def test_a_world_without_a_vertical_is_said(finished_run):
-    inputs = Run.open(finished_run).inputs
-    down = [
-        sk.Camera(camera.K, np.diag([k, -k, -1.0]), camera.t, size=camera.size, name=camera.name)
-        for camera, k in zip(inputs.rig, (1.0, -1.0, 1.0, -1.0), strict=True)
-    ]
-    found = find_in_files(Writing(opensim=True), replace(inputs, rig=sk.CameraRig(down), fps=None))
-    sentences = {one.kind: one.sentence for one in found}
-    assert "nearest one is y in opensim/" in sentences["vertical_unknown"]
-    assert TRC in sentences["times_assumed"]
 
 
 # OpenSim

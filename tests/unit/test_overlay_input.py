@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import struct
-import zlib
 
 import numpy as np
 import pytest
@@ -81,10 +79,6 @@ def test_a_detector_that_counts_from_one_is_suspected(tmp_path, videos):
     assert kinds == ["video_one_frame_late"] * 2 + ["video_frames_missing"] * 2
 
 
-def chunk(kind, data):
-    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-
 def test_images_that_cannot_be_read_are_left_out(case, tmp_path):
     for name in ("cam01", "cam02"):
         write_images(tmp_path / "images" / name)
@@ -92,9 +86,8 @@ def test_images_that_cannot_be_read_are_left_out(case, tmp_path):
     result = overlay(case, tmp_path / "images", "--fps", 5)
     assert result.exit_code == 0
     assert "cam01: 1 of the frames 0 to 5" in result.stderr
-    claim = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">2I5B", 60_000, 60_000, 8, 2, 0, 0, 0))
     for path in (tmp_path / "images" / "cam01").iterdir():
-        path.write_bytes(b"" if "2" in path.name else claim + chunk(b"IDAT", zlib.compress(bytes(99))))
+        path.write_bytes(b"")
     assert_fails(overlay(case, tmp_path / "images"), 1, "cam01: images: expected", "6 that it cannot")
 
 

@@ -12,11 +12,13 @@ import sys
 from importlib import metadata, resources
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import skelsplat
-from command_line import FAST, READ, RESULTS, assert_fails, invoke, succeed
+from command_line import FAST, READ, RESULTS, assert_fails, invoke, read_report, succeed
 from skelsplat import _optional, _skelsplat
+from skelsplat.io import read_calibration, read_detections, sample
 
 ROOT = Path(__file__).parents[2]
 
@@ -148,3 +150,32 @@ def test_every_public_function_and_class_is_documented() -> None:
     assert {name for name in exported if callable(getattr(_skelsplat, name))} <= set(DOCUMENTED)
     functions = [name for name in _skelsplat.__all__ if name[0].islower()]
     assert all(inspect.getdoc(getattr(_skelsplat, name)) for name in functions)
+
+
+# the recordings that ship
+
+
+def test_two_people_and_a_bystander(tmp_path):
+    paths = sample.extract(tmp_path, people=True)
+    rig = read_calibration(paths.calibration, unit=sample.UNIT)
+    found = read_detections(paths.detections, rig, layout=sample.LAYOUT)
+    assert found.people.shape[0::3] == (100, 25)
+    np.testing.assert_array_equal(np.median(found.people_per_frame, axis=0), [3, 3, 2, 2])
+    assert {path.name for path in tmp_path.iterdir()} >= {"LICENSE.pose2sim", "NOTICE.pose2sim"}
+
+
+def test_the_demo_of_several_people(tmp_path, monkeypatch):
+    """It has a folder of its own: that of the other demo keeps its files and its input."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "skelsplat-demo").mkdir()
+    result = succeed("demo", "--people")
+    assert not list((tmp_path / "skelsplat-demo").iterdir())
+    tmp_path = tmp_path / "skelsplat-demo-people"
+    long = [line for line in result.stdout.splitlines() if len(line) > 80]
+    assert all(line.startswith("skelsplat check-cameras ") for line in long)  # a command is one line, to copy
+    assert "was added to this recording by calculation" in " ".join(result.stdout.split())
+    people = read_report(tmp_path)["people"]
+    assert [(one["first_frame"], one["last_frame"], one["views_median"]) for one in people] == [
+        *[(0, 99, 4)] * 2,
+        (0, 99, 2),
+    ]

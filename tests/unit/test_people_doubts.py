@@ -14,7 +14,6 @@ from skelsplat.findings import FindingWarning
 from skelsplat.io import read_detections, write_calibration
 from skelsplat.layouts import mirror_images
 from skelsplat.run import Job
-from skelsplat.run.bones import find_lengths
 from skelsplat.run.read import Inputs
 from skelsplat.run.tracked import choose, follow_everybody
 from skelsplat.synthetic import DetectionNoise
@@ -47,16 +46,6 @@ def test_another_person_in_all_views_at_once_is_a_jump(frames):
     times = "once" if frames.stop is None else "2 times"
     assert doubt.startswith(f"The person jumps {times} from one frame to the next, by up to ")
     assert doubt.endswith("change to another person, or frames are missing or out of order.")
-
-
-def test_lengths_that_vary_are_named_by_the_limb_that_varies_most():
-    limbs, lengths = [(11, 12), (12, 13)], np.full((2, 100), 300.0)
-    lengths[1, :22] = 550.0
-    assert list(find_lengths(LAYOUT, limbs, 2, lengths, np.ones_like(lengths))) == []
-    lengths[1, :23] = 550.0
-    (doubt,) = find_lengths(LAYOUT, limbs, 2, lengths, np.ones_like(lengths))
-    assert doubt.subject.joints == tuple(LAYOUT.joints[joint] for joint in limbs[1])
-    assert doubt.numbers["range_mm"] == [300.0, 550.0]
 
 
 @pytest.mark.parametrize("rig", [RIG, synthetic.ring(3), synthetic.ring(8)], ids=["four", "three", "eight"])
@@ -199,17 +188,6 @@ def test_people_who_are_left_out_are_counted(people):
     assert doubt.kind == "people_left_out"
     assert doubt.numbers["left_out_share"] == pytest.approx(1 / 3, abs=0.05)
     assert [remedy.setting for remedy in doubt.remedy] == ["layout"]
-
-
-def test_bodies_of_any_size_are_told_apart(people):
-    """The same pixels in a room of a 20th: two bodies of 10 cm, 3 to 9 cm apart."""
-    rig = sk.CameraRig([sk.Camera(one.K, one.R, one.t / 20, size=one.size, name=one.name) for one in RIG])
-    animal = sk.Layout("animal", LAYOUT.joints, limbs=LAYOUT.limbs)
-    none = np.full((FRAMES, 4, 17, 3), np.nan)
-    whole = Inputs(rig, animal, none, np.zeros((FRAMES, 4), dtype=bool), np.arange(FRAMES), fps=FPS)
-    found = follow_everybody(people, whole, Job("Calib.toml", "pose", people="all"))
-    assert len(found.people) == 2
-    assert found.whole.doubts == ()
 
 
 @pytest.mark.parametrize(

@@ -64,16 +64,6 @@ def test_values_are_equal(name):
         assert repr(twin) == repr(VALUES[name]), way
 
 
-def test_every_part_comes_along():
-    for way, twin in twins(OWN):
-        assert twin.symmetric_pairs(3) == OWN.symmetric_pairs(3), way
-        assert (twin.limbs, twin.left_right, twin.root) == (OWN.limbs, OWN.left_right, OWN.root), way
-    whole = camera(14)
-    for way, twin in twins(whole):
-        for part in ("K", "R", "t", "distortion", "size", "name", "fisheye"):
-            assert bits(getattr(twin, part)) == bits(getattr(whole, part)), (way, part)
-
-
 RESULTS = {
     "Refinement": sk.refine(START, FRAME, RIG, layout="h36m17"),
     "SequenceRefinement": sk.refine_sequence(SEEN[:2], RIG, fps=25.0),
@@ -91,12 +81,6 @@ def test_results(result):
     for way, twin in twins(RESULTS[result]):
         assert type(twin) is type(RESULTS[result]), way
         assert bits(twin) == bits(RESULTS[result]), way
-
-
-def test_a_damaged_setting_is_refused():
-    make, (kind, arguments, fields) = sk.RefineConfig().__reduce__()
-    with pytest.raises(sk.InvalidInputError, match="sigma_mm"):
-        make(kind, arguments, fields | {"sigma_mm": -1.0})
 
 
 @pytest.mark.parametrize("live", [sk.Refiner(RIG), sk.Tracker(RIG, layout="coco17", fps=30.0)])

@@ -9,7 +9,7 @@ import pytest
 
 import skelsplat as sk
 from pose_sample import FILLED, JOINTS, MISSING, N, T, sample
-from skelsplat.io import PoseData, read_netcdf, to_xarray, write_netcdf, write_pose
+from skelsplat.io import PoseData, read_netcdf, to_xarray, write_netcdf
 
 
 @pytest.fixture
@@ -84,19 +84,3 @@ def test_a_netcdf_of_something_else(xarray, tmp_path, field):  # noqa: ARG001
     MALFORMED[field](to_xarray(sample())).to_netcdf(tmp_path / "pose.nc", engine="h5netcdf")
     with pytest.raises(sk.DatasetError, match=rf"pose\.nc: {field}"):
         read_netcdf(tmp_path / "pose.nc")
-
-
-def test_an_interrupted_write_leaves_the_older_file(xarray, tmp_path, monkeypatch):
-    path = tmp_path / "pose.nc"
-    write_pose(path, sample())
-    whole = path.read_bytes()
-
-    def interrupted(_self, target, **_options):
-        target.write_bytes(b"half")
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(xarray.Dataset, "to_netcdf", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        write_pose(path, sample())
-    assert path.read_bytes() == whole
-    assert list(tmp_path.iterdir()) == [path]

@@ -20,24 +20,6 @@ def path(tmp_path):
     return tmp_path / "pose.trc"
 
 
-def test_opensim_reads_missing_markers_as_nan(path):
-    """Its two readers of this format: of tables, which counts fields, and of marker data."""
-    opensim = pytest.importorskip("opensim", reason="opensim is not installed (a wheel of 70 MB)")
-    opensim.Logger.setLevelString("off")
-    metres = sample().pose / 1000.0
-    table = opensim.TimeSeriesTableVec3(str(path))
-    assert table.getColumnLabels() == JOINTS
-    assert table.getTableMetaDataString("Units") == "m"
-    rows = [table.getRowAtIndex(t) for t in range(table.getNumRows())]
-    read = [[[row[j][axis] for axis in range(3)] for j in range(row.ncol())] for row in rows]
-    np.testing.assert_allclose(read, metres, atol=DIGIT)
-    np.testing.assert_allclose(table.getIndependentColumn(), np.array([0, 1, 3, 4]) / 59.94, atol=DIGIT)
-    markers = opensim.MarkerData(str(path))
-    frames = [markers.getFrame(t) for t in range(markers.getNumFrames())]
-    read = [[[frame.getMarker(j)[axis] for axis in range(3)] for j in range(3)] for frame in frames]
-    np.testing.assert_allclose(read, metres, atol=DIGIT)
-
-
 def test_pandas_reads_it_as_pose2sim_does(path):
     pandas = pytest.importorskip("pandas", reason="pandas is not installed")
     table = pandas.read_csv(path, sep="\t", skiprows=4)

@@ -80,16 +80,6 @@ def test_the_loss_is_that_of_the_returned_pose(scene):
     assert np.isclose(result.loss, again.loss, rtol=1e-5)
 
 
-def test_confidence_as_an_argument_is_the_third_channel(scene):
-    confidence = np.full(scene.detections.shape[:-1], 0.8)
-    confidence[:, 0, 3] = 0.0
-    as_channel = np.concatenate([scene.detections, confidence[..., None]], axis=-1)
-    a = sk.refine(None, as_channel, scene.rig, config=quick())
-    b = sk.refine(None, scene.detections, scene.rig, confidence=confidence, config=quick())
-    assert np.array_equal(a.pose, b.pose)
-    assert np.isnan(a.reprojection_error[:, 0, 3]).all()
-
-
 def test_lens_distortion_is_undone_unless_told_otherwise(scene):
     rig = synthetic.human36m_like(distortion=True)
     detections = sk.project(scene.pose[0], rig)
@@ -121,12 +111,6 @@ def test_a_body_of_one_s_own_layout_need_not_have_a_person_s_size(scene, config,
         sk.refine(pose, scene.detections[0], rig, layout=layout, config=config)
         sk.Refiner(rig, layout=layout).step(scene.detections[0])
     assert [one.message.finding.kind for one in caught] == ["unit_wrong"] * (2 * warned)
-
-
-def test_progress_reports_frames(scene):
-    calls: list[tuple[int, int]] = []
-    sk.refine(scene.pose, scene.detections, scene.rig, config=quick(), progress=lambda *a: calls.append(a))
-    assert calls[-1] == (3, 3)
 
 
 def test_an_error_in_the_progress_callback_ends_the_batch(scene):

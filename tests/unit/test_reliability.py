@@ -10,7 +10,6 @@ import pytest
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.io import read_json, read_npz, write_json, write_npz
-from skelsplat.layouts import H36M17
 from skelsplat.run import Run
 from troubled import Array, Scene, bars, lens, normal, poses, room
 
@@ -163,23 +162,6 @@ def test_every_way_to_refine_adds_it_and_changes_nothing_else(scene: Scene, how:
     np.testing.assert_array_equal(without.error_bar, without.uncertainty)
     for name in ("pose", "uncertainty", "covariance", "joint_status", "view_weights", "loss"):
         np.testing.assert_array_equal(getattr(found, name), getattr(without, name))
-
-
-def test_built_in_layouts_have_figures(scene: Scene) -> None:
-    """Distances of 25 to 65 mm in space, per axis."""
-    bias = dict(zip(H36M17.joints, solved(scene).joint_bias[0], strict=True))
-    expected = {"left_wrist": 25, "neck": 65, "right_elbow": 30, "head": 30, "left_hip": 55, "right_knee": 50}
-    for joint, distance in expected.items():
-        assert bias[joint] == pytest.approx(distance / np.sqrt(3))
-
-
-def test_own_layouts_and_none_have_no_error_that_nobody_measured(scene: Scene) -> None:
-    own = sk.Layout("mouse", H36M17.joints, limbs=H36M17.limbs)
-    for layout in (own, None):
-        found = solved(scene, layout=layout)
-        assert not found.joint_bias.any()
-        np.testing.assert_array_equal(found.error_bar, found.uncertainty)
-        np.testing.assert_allclose(added(solved(scene, layout=layout, joint_bias_mm=[3.0] * 17)), 3.0)
 
 
 def reported(scene: Scene, detections: Array, bias: object) -> Run:

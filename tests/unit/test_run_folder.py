@@ -64,8 +64,7 @@ def test_files_of_two_runs_are_told_apart(run_folder, tmp_path):
 # the folder of an earlier run
 
 
-def test_poses_of_another_run_are_removed_and_other_files_left(recording, arguments):
-    folder, _, _ = recording
+def test_poses_of_another_run_are_removed_and_other_files_left(folder, arguments):
     assert invoke(*arguments, *READ, *FAST, "--no-html").exit_code == 0
     (folder / "out" / "plots").mkdir()
     (folder / "out" / "pose.txt").write_text("mine")
@@ -75,8 +74,7 @@ def test_poses_of_another_run_are_removed_and_other_files_left(recording, argume
     assert left == kept | {"pose.json", "pose.txt", "plots"}
 
 
-def test_a_stop_while_writing_leaves_no_file_of_an_earlier_run(recording, arguments, monkeypatch):
-    folder, _, _ = recording
+def test_a_stop_while_writing_leaves_no_file_of_an_earlier_run(folder, arguments, monkeypatch):
     out = folder / "out"
     assert invoke(*arguments, *READ, *FAST).exit_code == 0
 
@@ -98,8 +96,7 @@ def test_a_stop_while_writing_leaves_no_file_of_an_earlier_run(recording, argume
     assert {path.name for path in out.iterdir()} == kept | {"pose.json"}
 
 
-def test_files_that_no_run_wrote_are_left(recording, arguments):
-    folder, _, _ = recording
+def test_files_that_no_run_wrote_are_left(folder, arguments):
     out = folder / "out"
     out.mkdir()
     for name in ("pose.trc", "pose.c3d"):
@@ -112,8 +109,7 @@ def test_files_that_no_run_wrote_are_left(recording, arguments):
     assert sorted(listed) == sorted(RESULTS - {"pose.trc", "report.json"})
 
 
-def test_the_input_is_never_written_over(recording, arguments):
-    folder, _, _ = recording
+def test_the_input_is_never_written_over(folder, arguments):
     out = folder / "out"
     assert invoke(*arguments, *READ, *FAST).exit_code == 0
     before = {path.name: path.read_bytes() for path in out.iterdir()}
@@ -132,7 +128,7 @@ def test_the_input_is_never_written_over(recording, arguments):
 
 def test_results_do_not_get_in_the_way_of_the_detections(recording):
     folder, rig, _ = recording
-    refine = ["refine", folder / "Calib.toml", folder / "openpose", *READ, *FAST]
+    refine = ["refine", folder / "Calib.toml", folder / "openpose", *READ, *FAST, "--no-html"]
     assert_fails(
         invoke(*refine, "-o", folder / "openpose"), 2, "--output: ", "mixed with results", "openpose"
     )

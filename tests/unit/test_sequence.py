@@ -67,27 +67,6 @@ def test_what_does_not_match_is_named(argument):
 # short recordings, gaps, joints that are not seen
 
 
-@pytest.mark.parametrize("n_frames", [0, 1, 2, 3])
-def test_a_short_recording_is_answered(n_frames):
-    pose, detections = recorded(n_frames=3)
-    found = solve(detections[:n_frames])
-    assert found.pose.shape == (n_frames, 17, 3)
-    assert found.velocity_uncertainty.shape == (n_frames, 17, 3, 3)
-    assert (errors(found.pose, pose[:n_frames]) < 100.0).all()
-    assert np.isfinite(found.uncertainty).all()
-    assert np.isfinite(found.velocity).all() == (n_frames != 1)
-    assert np.isfinite(found.bone_lengths).all() == (n_frames > 0)
-
-
-def test_nobody_is_an_outcome():
-    found = solve(np.full((20, 4, 17, 2), np.nan))
-    assert np.isnan(found.pose).all()
-    assert (found.joint_status == "unobserved").all()
-    assert np.isnan(found.bone_lengths).all()
-    assert np.isinf(found.bone_length_sigma).all()
-    assert list(np.unique(found.stop_reason)) == ["no_observations"]
-
-
 @pytest.mark.parametrize("frames", [slice(40, 60), slice(None)])
 def test_a_joint_that_one_view_sees_is_never_as_good_as_a_seen_one(frames):
     pose, detections = recorded(seed=2)

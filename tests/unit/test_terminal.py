@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
-from io import StringIO
 
 import numpy as np
 import pytest
@@ -14,7 +12,6 @@ from command_line import invoke
 from skelsplat import synthetic
 from skelsplat._escape import CONTROL
 from skelsplat.cameras import altered
-from skelsplat.cli import output
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import FindingWarning, remark
 from skelsplat.io import write_calibration
@@ -80,9 +77,7 @@ COMMANDS = {
         [*ESCAPED[:2], r"\x1b[31m"],
         (0,),
     ),
-    "layouts": (lambda top: [top / "own.toml"], [r"lay\x1bout", r"\x1b[31mhead", "[bold]d[/bold]"], (0,)),
     "overlay": (lambda top: [top / "out", "--plain", "--png", "--range", "0-0"], [r"\x1b[31m[blue]"], (0,)),
-    "plot": (lambda top: [top / "out", "--only", "bones", "--format", "png"], [r"\x1b[31m[blue]"], (0,)),
 }
 
 
@@ -98,39 +93,6 @@ def test_no_command_obeys_names(given, name):
     json.loads(shown(result, status=result.exit_code).partition("warning: ")[0])
     result = invoke(name, *arguments(top), "--quiet")
     shown(result, status=result.exit_code)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "parts"),
-    [
-        (["refine", "none\x1b[31m.json", "x", "-o", "out"], [r"none\x1b[31m.json: "]),
-        (["plot", "[red]none\x9b[/red]"], [r"[red]none\x9b[/red]"]),
-        (["layouts", "\x1b[31mh36m"], ["NAME: expected", "[31mh36m"]),
-        (["datasets", "check", "human36m", "none\x1b[31m[red]x[/red]"], [r"none\x1b[31m[red]x[/red]"]),
-    ],
-)
-def test_errors_name_files_and_values_as_they_are(arguments, parts, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    result = invoke(*arguments)
-    assert result.exit_code in (1, 2)
-    shown(result, *parts, status=result.exit_code)
-
-
-def test_the_bar_shows_names_as_they_are(monkeypatch):
-    class Tty(StringIO):
-        def isatty(self):
-            return True
-
-    monkeypatch.setattr("sys.stderr", Tty())
-    monkeypatch.setenv("TERM", "xterm")
-    with output.progress("frames") as count:
-        count("[red]x[/red]\x1b]0;t\x07", 1, 2)
-    with output.progress("poses", first="evaluating") as bar:
-        bar("[red]y[/red]\x9b", 1, 2)
-    text = sys.stderr.getvalue()
-    assert r"[red]x[/red]\x1b]0;t\x07" in text
-    assert r"[red]y[/red]\x9b" in text
-    assert "\x1b]0;t" not in text
 
 
 def test_errors_and_warnings_of_the_library_are_one_line_of_text():

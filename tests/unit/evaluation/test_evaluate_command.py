@@ -83,7 +83,6 @@ def test_methods_over_time_run_at_a_rate_and_are_left_out_without_one(tmp_path: 
     [
         (["mars", "."], "DATASET"),
         (["synthetic", ".", "-m", "dlt,magic"], "--methods"),
-        (["synthetic", ".", "--protocol", "mine"], "--protocol"),
         (["synthetic", ".", "--fps", "0"], "--fps"),
         (["synthetic", "ROOM", "--views", "3"], "--views"),
     ],
@@ -146,11 +145,8 @@ def test_it_is_evaluated(case: str, tmp_path: Path) -> None:
     root = tmp_path / "data"
     root.mkdir()
     write(root)
-    arguments = [option.replace("ROOT", str(root)) for option in options]
-    command = ["evaluate", name, str(root), "-o", str(tmp_path / "out"), "-m", "dlt,ransac,annealed"]
-    result = CliRunner().invoke(app, [*command, *arguments, "--json"])
-    assert result.exit_code == 0, result.output
-    content = json.loads(result.stdout)
+    given = (name, root, "-o", tmp_path / "out", "-m", "dlt,ransac,annealed", *options, "--json")
+    content = json.loads(run(*given).stdout)
     assert content["protocol"]["name"] == name
     assert content["dataset"]["simulated"] is False
     for s in (line for line in content["figures"] if line["group"] == "all"):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from command_line import succeed
 from skelsplat import datasets, synthetic
 from skelsplat.cli import app
 from skelsplat.datasets.synthetic import write_simulated
@@ -90,10 +91,8 @@ def test_people_are_told_apart_or_given_but_not_both(root, tmp_path):
 @pytest.mark.parametrize(("name", "form"), [("shelf", "npz"), swept("campus", "pickle")])
 def test_shelf_and_campus_without_oracle_association(tmp_path, name, form):
     shelf_campus.write_everybody(tmp_path / "data", name, form=form, n_frames=121)
-    command = ["evaluate", name, str(tmp_path / "data"), "-o", str(tmp_path / "out"), "--json"]
-    result = CliRunner().invoke(app, command)
-    assert result.exit_code == 0, result.output
-    content = json.loads(result.stdout)
+    command = ["evaluate", name, tmp_path / "data", "-o", tmp_path / "out", "--json"]
+    content = json.loads(succeed(*command).stdout)
     figures = {(row["method"], row["name"]): row for row in content["figures"]}
     for actor in ("", "actor0", "actor1", "actor2"):
         row = figures["track", actor]

@@ -217,9 +217,3 @@ def test_shelf_and_campus_count_ranges_and_three_actors(name: str, counted: int)
     cases = protocols.get(name).cases(Dataset(name, sk.layouts.SHELF14, tuple(made)))
     assert [case.column for case in cases] == ["actor0", "actor1", "actor2"]
     assert len(cases[0].take) == counted
-
-
-@pytest.mark.parametrize(("name", "choice"), [("panoptic", {"n_views": 3}), ("human36m", {"every": 0})])
-def test_choices_that_are_none(name: str, choice) -> None:
-    with pytest.raises(sk.InvalidInputError, match=r"views|every"):
-        protocols.get(name).with_options(**choice)

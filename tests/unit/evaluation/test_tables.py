@@ -99,14 +99,6 @@ def test_shelf_has_pcp_per_actor() -> None:
     assert dict(zip(single.CSV_FIELDS, line, strict=True))["pcp"] == "0.9582"
 
 
-def test_all_is_what_the_data_allow_and_what_was_left_out_is_noted() -> None:
-    blind = replace(DATA, takes=tuple(replace(take, monocular=None) for take in DATA))
-    cases = protocols.get(DATA.name).cases(blind)
-    picked, lacking = single.select(["all"], cases, methods.Options())
-    assert lacking.keys() == {"fusion", "annealed-prior", *OVER_TIME}
-    assert {method.name for method in picked} == set(methods.names) - lacking.keys()
-
-
 def test_without_names_everything_runs_that_the_data_allow(monkeypatch: pytest.MonkeyPatch) -> None:
     blind = replace(DATA, takes=tuple(replace(take, monocular=None) for take in DATA))
     run = single.evaluate(blind)
