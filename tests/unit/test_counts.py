@@ -20,7 +20,7 @@ CEILINGS = {
     "Rust tests": 5_997,
     "Python tests": 27_499,
     "benchmarks and tools": 4_347,
-    "docs, words": 41_000,
+    "docs, words": 41_984,
     "README, words": 1_462,
 }
 
