@@ -126,9 +126,14 @@ def test_what_an_extra_adds_is_installed_with_this_python(recording):
 
 def test_nothing_is_to_be_typed_before_all_is_there(recording):
     recording.found = Found(recording.folder, detections="pose", lacks=(Lack("none", "calibrate"),))
-    assert lines_of(recording.found, recording.given, []) == {
-        "the commands": f"cd {shlex.quote(str(recording.folder))}"
-    }
+    assert lines_of(recording.found, recording.given, []) == {}
+
+
+def test_commands_are_listed_where_they_were_done_last(recording):
+    refine = lines_of(recording.found, recording.given, [])["the commands"].split("\n")[-1]
+    done = ["skelsplat detect", refine, f"{refine} --without cam1", refine]
+    listed = lines_of(recording.found, recording.given, done)["the commands"].split("\n")
+    assert listed[1:] == ["skelsplat detect", f"{refine} --without cam1", refine]
 
 
 @pytest.mark.parametrize(

@@ -168,9 +168,8 @@ class RecordingPage:
     def words(self) -> None:
         """Show what does the same without the page."""
         recording = self.recording
-        if recording.found.empty:
-            return
-        with parts.section("Without this page"):
-            ui.label("What was done, and what the button does, as commands and in Python:").classes("s-dim")
-            for name, text in lines_of(recording.found, recording.given, recording.done).items():
-                parts.code(text, name)
+        if lines := lines_of(recording.found, recording.given, recording.done):
+            with parts.section("Without this page"):
+                ui.label("What was done and what the button does, in commands and Python:").classes("s-dim")
+                for name, text in lines.items():
+                    parts.code(text, name)

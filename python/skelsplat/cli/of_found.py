@@ -63,6 +63,8 @@ def lines_of(found: Found, given: Given, done: Sequence[str]) -> dict[str, str]:
             python, last = job_of(words[1:]).python, [shlex.join(["skelsplat", *words])]
         except SkelSplatError as error:
             last = [f"# {error}"]
-    every = dict.fromkeys([f"cd {shlex.quote(str(found.folder))}", *done, *last])
-    lines = {"the commands": "\n".join(every), "the Python lines": python}
+    # Each where it was done last: the results are those of the last one.
+    every = list(dict.fromkeys(reversed([*done, *last])))
+    commands = [f"cd {shlex.quote(str(found.folder))}", *reversed(every)] if every else []
+    lines = {"the commands": "\n".join(commands), "the Python lines": python}
     return {name: text for name, text in lines.items() if text}
