@@ -13,12 +13,12 @@ from planted import FAULTS
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 40_284,
-    "cli": 3_900,
+    "package": 40_295,
+    "cli": 3_904,
     "core": 19_852,
     "binding": 2_760,
     "Rust tests": 5_997,
-    "Python tests": 27_499,
+    "Python tests": 27_486,
     "benchmarks and tools": 4_347,
     "docs, words": 41_983,
     "README, words": 1_462,
