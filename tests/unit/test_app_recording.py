@@ -21,7 +21,7 @@ from skelsplat.cli.batch import job_of, sessions_of
 from skelsplat.cli.of_found import lines_of
 from skelsplat.cli.process import CANCELLED, Bar, Work
 from skelsplat.cli.rows import texts_in, texts_of, typed
-from skelsplat.cli.settings import OPTIONS, are_wrong, put, worded, wrong
+from skelsplat.cli.settings import OPTIONS, are_wrong, required, worded, wrong
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Remedy
 from skelsplat.run import Job
@@ -149,13 +149,16 @@ def test_commands_are_listed_where_they_were_done_last(recording):
         ("offsets", ["cam1=-2", "cam2=3.5"], ""),
         ("filter", "any", "Expected butterworth[:HZ[:ORDER]], got any."),
         ("filter", "butterworth:6", "Requires “Frame rate”."),
+        ("fill_weak", True, "Requires “Fill gaps”."),
+        ("move", ["cam1"], "Requires “Adjust cameras”."),
+        ("y_up", True, "Expected one of trc, c3d, bvh, glb in “Write”, got csv."),
         ("layout", "coco17", ""),
     ],
 )
 def test_what_is_wrong_with_a_setting_is_one_sentence_beside_it(recording, name, text, words):
     row = next(row for row in ROWS if row.name == name)
-    assert wrong("refine", row, text, {}) == words
-    recording.given["refine"] = {name: text}
+    recording.given["refine"] = {name: text, "write": "csv"}
+    assert wrong("refine", row, text, recording.given["refine"]) == words
     assert are_wrong("refine", recording.given["refine"]) == bool(words)
 
 
@@ -168,9 +171,25 @@ def test_sentences_have_the_names_of_the_page():
 def test_a_setting_that_was_kept_is_shown_even_if_it_is_no_choice():
     with Client(page("")) as client:
         row = next(row for row in ROWS if row.name == "without")
-        Form({"refine": {"without": ["cam_03"]}}, put, ["cam01", "cam03"]).field("refine", row)
+        Form({"refine": {"without": ["cam_03"]}}, print, ["cam01", "cam03"]).field("refine", row)
         (field,) = (one for one in client.elements.values() if isinstance(one, ui.select))
     assert (field.value, field.options) == (["cam_03"], ["cam01", "cam03", "cam_03"])
+
+
+def test_what_a_setting_requires_is_asked_for_and_its_mark_goes_when_it_is_given():
+    given, rows = {"fill_weak": True}, {row.name: row for row in ROWS}
+    assert required(rows["fill_weak"], True, {}) == [rows["fill_gaps"]]
+    with Client(page("")) as client:
+        form = Form({"refine": given}, print)
+        for name in ("fill_weak", "fill_gaps"):
+            form.field("refine", rows[name])
+        (mark,) = (one for one in client.elements.values() if one.props.get("role") == "alert")
+        (field,) = (one for one in client.elements.values() if isinstance(one, ui.input))
+        assert mark.text == "Requires “Fill gaps”."
+        field.value = "many"
+        assert field.error == "Expected a whole number from 1 on, got 'many'."
+        field.value = "5"
+    assert (given, mark.text) == ({"fill_weak": True, "fill_gaps": "5"}, None)
 
 
 async def answer_of(app, path, query):
@@ -195,14 +214,6 @@ def test_the_page_is_there_before_the_recording_was_looked_at(recording, monkeyp
     monkeypatch.setattr("skelsplat.app.recordings.Recordings.at", lambda *given: looks.append(given))
     status, text = asyncio.run(answer_of(_app(Recordings(recording.place)), "/recording", "at=walk"))
     assert (status, "Looking at the folder" in text, looks) == (200, True, [])
-
-
-def test_a_setting_that_is_wrong_is_marked_whenever_it_is_shown():
-    with Client(page("")) as client:
-        row = next(row for row in ROWS if row.name == "fps")
-        Form({"refine": {"fps": "abc"}}, put).field("refine", row)
-        (field,) = (one for one in client.elements.values() if isinstance(one, ui.input))
-    assert field.error == "Expected a number, got 'abc'."
 
 
 def test_two_tabs_that_open_a_recording_look_once(recording, monkeypatch):

@@ -8,6 +8,7 @@ import scipy.io
 
 import skelsplat as sk
 from skelsplat.cameras import matrix_from_vector
+from skelsplat.findings import Remedy
 from skelsplat.io import convert_unit, read_calibration, write_calibration
 from skelsplat.io.calibration import find_format
 
@@ -97,7 +98,8 @@ def test_millimetres_read_as_metres_are_warned_about(write, tmp_path):
     path = _scaled(tmp_path / "mm.toml", read_calibration(write(VALID), unit="m"), 1000.0)
     with pytest.warns(UserWarning, match=r'are [\d,]+ m apart; .*"mm" is likely') as caught:
         read_calibration(path, unit="m")
-    assert caught[0].message.finding.kind == "unit_wrong"
+    finding = caught[0].message.finding
+    assert (finding.kind, finding.remedy) == ("unit_wrong", (Remedy("unit", "mm"),))
 
 
 @pytest.mark.parametrize("suffix", [".json", ".npz", ".toml"])

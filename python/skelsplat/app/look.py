@@ -13,7 +13,7 @@ from skelsplat.app.parts import address, button, facts, head, html, note, sectio
 from skelsplat.app.recording import Recording
 from skelsplat.cli.options import option_of
 from skelsplat.cli.rows import Option
-from skelsplat.cli.settings import put
+from skelsplat.cli.settings import required
 from skelsplat.findings import Finding, Remedy
 from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.run.compared import AnyRun, compared, findings_of, numbers_of
@@ -34,8 +34,7 @@ class ResultParts:
 
     def address(self, name: str, **more: str) -> str:
         """Return the address of a file of the run."""
-        folder = self.recording.place.relative(self.recording.output)
-        return address(f"/run/{name}", folder=folder, **more)
+        return address(f"/run/{name}", folder=self.recording.place.relative(self.recording.output), **more)
 
     @property
     def pictured(self) -> object:
@@ -73,31 +72,33 @@ class ResultParts:
         """Show a finding, and a button for each of its remedies."""
         with note(finding.severity, of + finding.text), ui.element("div").classes("s-row"):
             for remedy in finding.remedy:
-                row = option_of(remedy)
-                if row is not None:
+                if (row := option_of(remedy)) is not None:
                     self._remedy(row, remedy)
 
     def _remedy(self, row: Option, remedy: Remedy) -> None:
-        """Show a button that tries a remedy; where the user chooses the value, after asking for it."""
+        """Show a button that tries a remedy; after asking for what the user chooses, and what it requires."""
         recording, chosen = self.recording, dict[str, Any]()
+        asked = [row] if remedy.value is None and row.kind is not bool else []
+        asked += required(row, remedy.texts or row.kind is bool, recording.given["refine"])
 
         def ask() -> None:
             with ui.dialog(value=True) as dialog, ui.card().classes("s-ask"):
-                names = recording.found.names
-                Form({}, lambda _, name, text: put(chosen, name, text), names).field("refine", row)
+                form = Form({"refine": chosen}, lambda *_: None, recording.found.names)
+                for one in asked:
+                    form.field("refine", one)
 
                 async def go() -> None:
                     dialog.close()
-                    if row.name in chosen:
-                        await self.press(recording.try_remedy, row, replace(remedy, value=chosen[row.name]))
+                    if all(one.name in chosen for one in asked):
+                        value = chosen.pop(row.name, remedy.value)
+                        await self.press(recording.try_remedy, row, replace(remedy, value=value), chosen)
 
                 with ui.element("div").classes("s-row"):
                     button("Try it", go, first=True)
                     button("Close", dialog.close)
 
-        asks = remedy.value is None and row.kind is not bool
-        words = f"Try: {row.title} {'…' if asks else ', '.join(remedy.texts)}".rstrip()
-        action = ask if asks else lambda: self.press(recording.try_remedy, row, remedy)
+        words = f"Try: {row.title} {'…' if asked else ', '.join(remedy.texts)}".rstrip()
+        action = ask if asked else lambda: self.press(recording.try_remedy, row, remedy)
         button(words, action, enabled=not recording.running)
 
     def _compare(self, result: AnyRun, before: AnyRun, what: str) -> None:
@@ -105,7 +106,7 @@ class ResultParts:
         head(f"{what}: before and after")
         table(("", "Before", "After"), compared(before, result))
         with ui.element("div").classes("s-row"):
-            button("Keep it", lambda: self.press(self.recording.keep), first=True)
+            button("Keep it", lambda: self.press(setattr, self.recording, "before", None), first=True)
             button("Go back", lambda: self.press(self.recording.go_back))
 
     @ui.refreshable_method
@@ -143,8 +144,7 @@ class ResultParts:
         folder, files = self.recording.output, files_of(self.recording.output)
         with section("4 · Files"):
             whole = address("/zip", folder=self.recording.place.relative(folder))
-            save = button("Everything in one zip file", lambda: ui.navigate.to(whole), first=True)
-            save.classes("self-start")
+            button("Everything in one zip file", lambda: ui.navigate.to(whole), first=True)
             old = {f"overlay/{name}.mp4" for name, now in self.recording.drawn.items() if not now}
             links = (
                 f"<a href='{shown(self.address(name, download='1'))}' download><b>{shown(name)}</b>"

@@ -125,13 +125,9 @@ class _Together:
     def settings(self) -> None:
         """Show the settings."""
         with ui.expansion("Settings").classes("w-full"):
-            form = Form({"refine": self.given}, self._set)
+            form = Form({"refine": self.given}, lambda *_: self.action.refresh())
             form.main(["refine"])
             form.more(["refine"])
-
-    def _set(self, _: str, name: str, value: Any) -> None:
-        put(self.given, name, value)
-        self.action.refresh()
 
     async def _choose(self, setting: str, value: str) -> None:
         put(self.given, setting, value)

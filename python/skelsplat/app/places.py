@@ -28,9 +28,9 @@ class Place:
             raise InvalidInputError(f"folder: expected one in {self.root} ({way}), got {path}")
         return found
 
-    def folder(self, path: str, base: Path | None = None) -> Path:
+    def folder(self, path: str) -> Path:
         """Return a folder here that exists."""
-        found = self.inside(path, base)
+        found = self.inside(path)
         if not found.is_dir():
             raise InvalidInputError(f"folder: expected one that exists, got {found}")
         return found

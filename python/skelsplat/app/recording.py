@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import invalidate_caches
 from pathlib import Path
@@ -96,17 +97,14 @@ class Recording:
             self.given["refine"], self.before = self.before[2], None
         self.look()
 
-    def try_remedy(self, row: Option, remedy: Remedy) -> None:
-        """Refine with a remedy of a finding, and keep the result before it for comparison."""
+    def try_remedy(self, row: Option, remedy: Remedy, also: Mapping[str, Any] | None = None) -> None:
+        """Refine with a remedy of a finding, ``also`` with other settings, and keep the result before it."""
         assert self.result is not None
         settings, texts = self.given["refine"], remedy.texts
         before = (self.result, f"{row.title} {', '.join(texts)}".rstrip(), dict(settings))
         put(settings, row.name, [*settings.get(row.name, []), *texts] if row.many else (*texts, True)[0])
+        settings |= also or {}
         self._start(self.words("refine"), before)
-
-    def keep(self) -> None:
-        """Keep the result of a remedy."""
-        self.before = None
 
     def go_back(self) -> None:
         """Refine with the settings before a remedy."""

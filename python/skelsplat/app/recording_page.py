@@ -17,7 +17,7 @@ from skelsplat.app.look import ResultParts
 from skelsplat.app.recording import Recording
 from skelsplat.cli.of_found import PAGE_OF_CAMERAS, lines_of
 from skelsplat.cli.process import Work
-from skelsplat.cli.settings import OPTIONS, are_wrong, put
+from skelsplat.cli.settings import OPTIONS, are_wrong
 from skelsplat.run.found import Lack
 
 _EVERY_S = 0.3
@@ -82,9 +82,8 @@ class RecordingPage:
         self.problem = await parts.attempt(action, *given)
         self.refresh()
 
-    async def set(self, command: str, name: str, value: Any) -> None:
-        """Take over a setting from the form."""
-        put(self.recording.given[command], name, value)
+    async def changed(self, command: str, name: str) -> None:
+        """Take over a setting that the form has changed."""
         self.given = dict(self.recording.given["refine"])
         if name in _READ_WITH and not are_wrong(command, self.recording.given[command]):
             await self.press(self.recording.look)
@@ -141,7 +140,7 @@ class RecordingPage:
             stages = {"refine": True, "calibrate": found.detections, "detect": found.videos}
             commands = [command for command, needed in stages.items() if needed]
             parts.html("<h2>2 · Pose in 3D</h2>")
-            form = Form(self.recording.given, self.set, found.names)
+            form = Form(self.recording.given, self.changed, found.names)
             form.main(commands)
             form.more([*commands, "overlay"])
 

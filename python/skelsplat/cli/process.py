@@ -28,8 +28,6 @@ if importlib.util.find_spec('pip') is None:
 runpy.run_module('pip', run_name='__main__', alter_sys=True)"""
 _EVERY_S = 0.1
 _JUDGED_BY_FILES = ("refine", "batch")  # whose errors may be findings, with results to be looked at
-
-
 _BY_PART = ("detect", "overlay")  # which name cameras; others what they do at present
 _DOING = {
     "detect": ("Finding people in the videos", "frames"),

@@ -38,10 +38,10 @@ def put(given: dict[str, Any], name: str, value: Any) -> None:
 
 
 def wrong(command: str, row: Option, value: Any, given: Mapping[str, Any]) -> str:
-    """Return in a sentence what is wrong with the text of a setting, with those ``given``; else nothing."""
-    if row.kind is bool or not value:
+    """Return in a sentence what is wrong with the value of a setting, with those ``given``; else nothing."""
+    if not value:
         return ""
-    found = row.wrong(value)
+    found = "" if row.kind is bool else row.wrong(value)
     if not found and command == "refine":
         try:
             job_of([".", ".", "-o", ".", *typed(OPTIONS[command], {**given, row.name: value})])
@@ -49,6 +49,12 @@ def wrong(command: str, row: Option, value: Any, given: Mapping[str, Any]) -> st
             of, _, words = str(error).partition(": ")
             found = f"{words[:1].upper()}{words[1:]}." if of == row.flag else ""
     return worded(found)
+
+
+def required(row: Option, value: Any, given: Mapping[str, Any]) -> list[Option]:
+    """Return the setting of refine without which a value of another has no effect, unless it is given."""
+    words = wrong("refine", row, value, given)
+    return [one for one in OPTIONS["refine"] if words == worded(f"Requires {one.flag}.")]
 
 
 def are_wrong(command: str, given: Mapping[str, Any]) -> bool:

@@ -255,8 +255,9 @@ def summed_up(
     else:
         named, counts = gathered.named, gathered.named_count
         statistics = statistics.with_counts_of(gathered.counts)
-    if any(one.kind == "unit_wrong" and one.remedy for one in notes):  # the person says more than the cameras
-        notes = [one for one in notes if one.kind != "unit_wrong" or one.remedy]
+    of_cameras = [one for one in notes if one.kind == "unit_wrong" and one.subject.files]
+    if any(one.kind == "unit_wrong" and one.remedy and one not in of_cameras for one in notes):
+        notes = [one for one in notes if one not in of_cameras]  # a person says more
     told = [one.subject for one in notes if one.numbers.get("fault") == "sides_swapped"]
     found = find_findings(inputs, outcome, statistics, named, counts)
     found = [*notes, *(one for one in found if one.kind != "sides_swapped" or one.subject not in told)]

@@ -21,7 +21,7 @@ from skelsplat._budget import MOST_CAMERAS, MOST_NAME, opened, within_memory
 from skelsplat._words import metric, size_text
 from skelsplat.cameras import MM_PER_UNIT, altered
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
-from skelsplat.findings import Finding, Subject, warn
+from skelsplat.findings import Finding, Remedy, Subject, warn
 from skelsplat.io.calibration import _binary, _json, _opencv, _plain, _toml, _xml
 from skelsplat.io.calibration._format import CalibrationFormat, RawCamera, Source
 from skelsplat.io.detections._match import reads_alike
@@ -222,7 +222,8 @@ def _checked_unit(path: Path, rig: sk.CameraRig, unit: str | None, stated: str |
     if spread > 0.0 and not _PLAUSIBLE_MM[0] <= mm <= _PLAUSIBLE_MM[1]:
         numbers = {"metres": mm / 1000.0, "unit": unit, "spread": spread, "hint": _hint(spread)}
         words = f"{path}: unit: if it is {unit}, the cameras are {metric(mm)} apart; {numbers['hint']}"
-        warn(Finding("unit_wrong", "warning", Subject(files=(str(path),)), numbers, sentence=words))
+        remedy = tuple(Remedy("unit", name) for name in _usual(spread) if stated is None)
+        warn(Finding("unit_wrong", "warning", Subject(files=(str(path),)), numbers, remedy, sentence=words))
     return unit
 
 
@@ -230,11 +231,16 @@ def _hint(spread: float) -> str:
     """Return which unit is likely, if only one is, and what each would mean."""
     if spread == 0.0:
         return "one camera gives no hint of it"
-    mm = {name: spread * factor for name, factor in MM_PER_UNIT.items()}
-    usual = [name for name in mm if _USUAL_MM[0] <= mm[name] <= _USUAL_MM[1]]
-    meanings = " or ".join(f'{metric(mm[name])} in "{name}"' for name in usual or mm)
+    usual = _usual(spread)
+    mm = {name: metric(spread * MM_PER_UNIT[name]) for name in usual or MM_PER_UNIT}
+    meanings = " or ".join(f'{far} in "{name}"' for name, far in mm.items())
     so = f'so "{usual[0]}" is likely' if len(usual) == 1 else f"that is {meanings}"
     return f"the largest distance between cameras is {spread:.4g} in the file, {so}"
+
+
+def _usual(spread: float) -> list[str]:
+    """Return the units in which cameras so far apart would be on a table or in a room."""
+    return [name for name, mm in MM_PER_UNIT.items() if _USUAL_MM[0] <= spread * mm <= _USUAL_MM[1]]
 
 
 def convert_unit(rig: sk.CameraRig, unit: str) -> sk.CameraRig:
