@@ -114,7 +114,7 @@ def test_swapped_sides_of_one_of_two_views():
     assert [rival["camera"] for rival in finding.numbers["rivals"]] == ["right"]
 
 
-@pytest.mark.parametrize("named_by_detector", [True, False])
+@pytest.mark.parametrize("named_by_detector", [True, swept(False)])
 def test_mirrored_images_of_a_camera_are_named(named_by_detector):
     """A detector takes the left hand of a mirrored person for the right one; mirrored coordinates do not."""
     found = sides_swapped(detections("room"), 1) if named_by_detector else detections("room").copy()
