@@ -124,6 +124,7 @@ def test_calibrations_of_each_case_have_recordings_of_their_own() -> None:
     assert useless["mm"] != known["mm"]
 
 
+@pytest.mark.sweep
 def test_calibrations_by_several_people_are_compared_with_the_true_association() -> None:
     (found,) = run("calibrate", "--views", 3, "--takes", 1, "--cases", "known, 2 people")
     row = found["known, 2 people: moves"]

@@ -122,7 +122,7 @@ def test_a_late_camera_is_named_in_its_own_frames(room, path, tmp_path):
     clocks = read_calibration(tmp_path / "synced.toml").clocks
     for name in NAMES:
         assert abs(clocks.get(name, 0.0) - LATE.get(name, 0)) < 0.5
-    late = {name: film(path, name, rate, 24 * (name == "cam2")) for name, rate in RATES.items()}
+    late = {name: film(path, name, rate, 24 * (name == "cam2"))[: 6 * rate] for name, rate in RATES.items()}
     command[1] = write(tmp_path / "late", late)
     found = json.loads(invoke("check-cameras", *command, "--json").stdout)
     options = {row["name"]: row["offset_option"] for row in found["cameras"]}
