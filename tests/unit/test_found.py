@@ -41,6 +41,14 @@ def test_what_files_do_not_state_is_asked_for_with_values(folder):
     assert found.facts["people at once"] == "up to 2"
 
 
+def test_a_question_keeps_its_place_and_its_answers(folder):
+    for given in ({}, {"unit": "m"}, {"layout": "body25b"}, GIVEN):
+        asked = look(folder, given).asked
+        assert [lack.setting for lack in asked] == ["unit", "layout", "fps"]
+        assert [len(lack.values) for lack in asked] == [len(lack.values) for lack in look(folder, {}).asked]
+    assert [lack.value for lack in asked] == ["m", "body25b", "60"]
+
+
 def test_without_a_calibration_cameras_can_be_found(folder):
     (folder / "Calib.toml").unlink()
     found = look(folder, GIVEN)

@@ -110,7 +110,7 @@ class RecordingPage:
                     chosen = ui.select([*values], value=getattr(found, name), label=name.capitalize())
                     chosen.on_value_change(lambda event, name=name: choose(name, event.value))
                     chosen.props("outlined dense").classes("w-full")
-            for lack in [*found.lacks, *found.chosen]:
+            for lack in found.asked:
                 self._lack(lack)
             if found.inside:
                 to = parts.address("/", at=folder)

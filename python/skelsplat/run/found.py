@@ -42,6 +42,7 @@ _SIZES = {size: size for size in ("1920x1080", "1080x1920", "1280x720", "3840x21
 _NO_SIZE = (
     "The size of the images is not known, which finding the cameras takes. Choose it, or type another below:"
 )
+_ASKED = ("size", "unit", "", "order", "without", "layout", "fps")  # in this order, by setting
 _ABOVE = 3  # folders above a recording in which its calibration may be
 
 
@@ -69,6 +70,7 @@ class Lack:
     command: str = ""
     setting: str = ""
     values: Mapping[str, str] = field(default_factory=dict)  # by value, in words
+    value: str = ""  # the one that was given
     optional: bool = False  # poses can be found without
 
 
@@ -101,6 +103,11 @@ class Found:
         """Whether nothing is missing for poses."""
         missing = any(not lack.optional for lack in self.lacks)
         return bool(self.calibration and self.detections) and not missing
+
+    @property
+    def asked(self) -> list[Lack]:
+        """What is missing and what was given instead; one that is answered keeps its place."""
+        return sorted([*self.lacks, *self.chosen], key=lambda lack: _ASKED.index(lack.setting))
 
     @property
     def facts(self) -> dict[str, str]:
@@ -204,10 +211,8 @@ def _otherwise(
     if given.get("fps") and not any(one.fps for one in cameras):
         known["fps"] = _rates(rates_in(given["fps"])), _PER_SECOND
     for setting, (value, values) in known.items():
-        others = {other: text for other, text in values.items() if other != value}
-        if others:
-            text = f"--{setting} {value}, as files do not state it. If that is wrong:"
-            yield Lack(text, setting=setting, values=others, optional=True)
+        text = f"--{setting} {value}, as files do not state it." + " If that is wrong:" * (len(values) > 1)
+        yield Lack(text, setting=setting, values=values, value=value, optional=True)
 
 
 def _layouts(joints: int) -> list[str]:
