@@ -118,6 +118,18 @@ def test_time_is_left_of_all_cameras_and_of_what_is_new():
     assert later.seconds_left == pytest.approx(24.0, abs=1.0)
 
 
+def test_several_recordings_are_offered_what_they_can_do_without(recording, monkeypatch):
+    monkeypatch.setattr(Work, "start", lambda work: work)
+    rate = Lack("no rate", setting="fps", values={"50": "50 per second"}, optional=True)
+    found = replace(recording.found, keypoints=("pose",), lacks=(rate,))
+    monkeypatch.setattr("skelsplat.app.recordings.look", lambda *_: found)
+    recordings, top = Recordings(recording.place), recording.place.root
+    recordings.batch(top, [recording.folder])
+    assert (recordings.lacks[top].values, recordings.batches) == (rate.values, {})
+    recordings.batch(top, [recording.folder])
+    assert recordings.batches[top].words[0] == "batch"
+
+
 def test_what_an_extra_adds_is_installed_with_this_python(recording):
     work = Work(pip_words("rtmlib"), recording.folder)
     assert f"{shlex.quote(sys.executable)} -m pip install" in work.command

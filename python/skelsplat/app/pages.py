@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -16,7 +16,7 @@ from skelsplat.app.places import Place
 from skelsplat.app.recording_page import RecordingPage
 from skelsplat.app.recordings import Recordings
 from skelsplat.cli.process import DONE, RUNNING
-from skelsplat.cli.settings import are_wrong, put
+from skelsplat.cli.settings import are_wrong, put, worded
 from skelsplat.exceptions import SkelSplatError
 from skelsplat.io._run_files import is_run
 from skelsplat.run.contents import RECORDING, kinds_of
@@ -139,8 +139,11 @@ class _Together:
         self.problem = await parts.attempt(self.recordings.batch, self.folder, chosen)
         self.action.refresh()
 
-    def _link(self, name: str) -> tuple[str, str]:
-        return name, parts.address("/recording", at=self.recordings.place.relative(self.folder / name))
+    def _rows(self, one: Mapping[str, Any]) -> Iterator[list[object]]:
+        link = parts.address("/recording", at=self.recordings.place.relative(self.folder / one["name"]))
+        told = " ".join(worded(each["text"]) for each in one["findings"] if each["severity"] != "note")
+        for row in one["rows"]:
+            yield [(one["name"], link), row["status"], row["frames"], row["warnings"], told, row["error"]]
 
     def _ended(self) -> None:
         self.action.refresh()
@@ -153,15 +156,16 @@ class _Together:
             parts.note("error", self.problem)
         lack = self.recordings.lacks.get(self.folder)
         if lack is not None:
-            with parts.note("lack", lack.text), ui.element("div").classes("s-row"):
+            with (
+                parts.note("note" if lack.optional else "lack", lack.text),
+                ui.element("div").classes("s-row"),
+            ):
                 parts.choices(lack, self._choose)
         work = self.recordings.batches.get(self.folder)
         if work is not None:
             parts.progress(work, self._ended)
             if work.state == DONE:
-                rows = [row for one in work.document["recordings"] for row in one["rows"]]
-                names = ("recording", "status", "frames", "findings", "error")
-                cells = [[self._link(row["recording"]), *(row[name] for name in names[1:])] for row in rows]
-                parts.table([name.capitalize() for name in names], cells)
+                rows = [row for one in work.document["recordings"] for row in self._rows(one)]
+                parts.table(("Recording", "Status", "Frames", "Warnings", "Findings", "Error"), rows)
         start = parts.button("Refine the chosen recordings", self._start, first=True).classes("self-start")
         start.set_enabled((work is None or work.state != RUNNING) and not are_wrong("refine", self.given))

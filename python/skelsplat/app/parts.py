@@ -103,9 +103,8 @@ def code(text: str, name: str) -> None:
 def choices(lack: Lack, choose: Callable[[str, str], Any]) -> None:
     """Show a button for each value that helps against a lack; the one that was given stays among them."""
     for value, text in lack.values.items():
-        now = value == lack.value
-        made = button(text, partial(choose, lack.setting, value), first=now)
-        made.props(f"aria-pressed={str(now).lower()}")
+        made = button(text, partial(choose, lack.setting, value), first=value == lack.value)
+        made.props(f"aria-pressed={str(value == lack.value).lower()}")
 
 
 async def attempt(action: Callable[..., object], *given: object) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from skelsplat.cli.batch import sessions_of
 from skelsplat.cli.process import RUNNING, Work
 from skelsplat.cli.settings import reading_of
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.run.found import Lack, look
+from skelsplat.run.found import Lack, lack_of_several, look
 
 SESSIONS, RESULTS = "skelsplat-sessions.toml", "batch"
 
@@ -26,7 +26,7 @@ class Recordings:
     place: Place
     open: dict[Path, Recording] = field(default_factory=dict)
     batches: dict[Path, Work] = field(default_factory=dict)
-    lacks: dict[Path, Lack] = field(default_factory=dict)  # by folder, of a recording in it
+    lacks: dict[Path, Lack | None] = field(default_factory=dict)  # by folder, of a recording in it
     given: dict[Path, dict[str, Any]] = field(default_factory=dict)  # by folder, settings for all in it
 
     def at(self, folder: Path) -> Recording:
@@ -41,10 +41,9 @@ class Recordings:
             raise InvalidInputError("batch: expected one at a time, got a second one")
         given = self.given.get(folder, {})
         found = [look(one, reading_of({"refine": given}), self.place.root) for one in chosen]
-        self.lacks.pop(folder, None)
-        for one in (one for one in found if not one.ready):
-            lack = next(lack for lack in (*one.lacks, Lack("It holds no recording.")) if not lack.optional)
-            self.lacks[folder] = replace(lack, text=f"{one.folder.name}: {lack.text}")
+        offered, lack = self.lacks.get(folder), lack_of_several(found)
+        self.lacks[folder] = lack
+        if lack is not None and (not lack.optional or lack != offered):  # the next try is without it
             return
         file, _ = self.place.inside(SESSIONS, folder), self.place.inside(RESULTS, folder)
         atomic_write_text(file, sessions_of(folder, found, given))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -129,6 +129,17 @@ class Found:
         """Where it is."""
         named = {"Calibration": self.calibration, "Keypoints": self.detections, "Videos": self.videos}
         return {name: "this folder" if text == "." else text or "none" for name, text in named.items()}
+
+
+def lack_of_several(found: Iterable[Found]) -> Lack | None:
+    """Return the first thing that one of several recordings lacks, or that all can do without."""
+    lacks = [
+        replace(lack, text=f"{one.folder.name}: {lack.text}{' Or refine them without it.' * lack.optional}")
+        for one in found
+        for lack in (*one.lacks, *[Lack("It holds no recording.")] * one.empty)
+        if lack.setting or not lack.optional
+    ]
+    return min(lacks, key=lambda lack: lack.optional, default=None)
 
 
 def _rates(fps: Iterable[float | None]) -> str:
