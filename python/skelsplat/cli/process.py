@@ -121,6 +121,8 @@ class Work:
         (what, unit), bar = _DOING[self.words[0]], self.bar
         if self._cancelled or not bar.total:
             return "Cancelling …" if self._cancelled else f"{what} …"
+        if bar.done == bar.total:
+            return f"{what}: writing the results …"
         name = f", {bar.name}" if len(bar.parts) > 1 else ""
         left = "" if bar.seconds_left is None else f", {_time(bar.seconds_left)} left"
         return f"{what}{name}: {bar.done} of {bar.total} {unit}{left}"
