@@ -183,9 +183,7 @@ def test_from_videos_to_files_interrupted_and_again_while_another_recording_is_c
     page.get_by_text("People were found in a part of the frames only").wait_for()
     press(page, "Find people in the videos")
     page.get_by_text("People were found in a part").wait_for(state="detached")
-    assert (
-        seen.stat().st_size == 24 + 1
-    )  # what is done is not done again, but for the image at the interruption
+    assert seen.stat().st_size == 24 + 1  # nothing is done again, but for the image at the interruption
     press(page, "Find the pose")
     page.get_by_role("heading", name="3 · Result").wait_for()
     assert "skelsplat refine Calib.toml pose -o out" in page.inner_text("main")

@@ -61,11 +61,9 @@ def test_a_command_of_a_recording(recording):
     assert recording.words("refine") == ["refine", "Calib.toml", "pose", "-o", "out", *WORDS]
     assert recording.words("calibrate")[:4] == ["calibrate", "pose", "-o", "Calib-from-people.toml"]
     assert recording.words("calibrate")[-2:] == ["--fps", "60"]
-    assert (
-        shlex.join(["skelsplat", *recording.words("refine")])
-        in lines_of(recording.found, recording.given, [])["the commands"]
-    )
-    assert "fps=60.0" in lines_of(recording.found, recording.given, [])["the Python lines"]
+    lines = lines_of(recording.found, recording.given, [])
+    assert shlex.join(["skelsplat", *recording.words("refine")]) in lines["the commands"]
+    assert "fps=60.0" in lines["the Python lines"]
 
 
 def test_the_detector_that_is_installed_is_used(recording, monkeypatch):
@@ -116,6 +114,12 @@ def test_time_is_left_of_all_cameras_and_of_what_is_new():
     assert (bar.done, bar.total, bar.begun) == (6, 20, 6)
     later = replace(bar.after("cam1", 8, 10), since=bar.since - 4.0)  # 2 in 4 s, 12 are left
     assert later.seconds_left == pytest.approx(24.0, abs=1.0)
+
+
+def test_what_is_done_before_and_after_all_frames_is_said(tmp_path):
+    for done, total, words in ((0, 0, "reading …"), (3, 6, "3 of 6 frames"), (6, 6, "writing the results …")):
+        bar = Bar().after("", done, total)
+        assert Work(["refine"], tmp_path, bar=bar).words_of_bar.endswith(f": {words}")
 
 
 def test_several_recordings_are_offered_what_they_can_do_without(recording, monkeypatch):

@@ -53,6 +53,11 @@ def test_without_a_calibration_cameras_can_be_found(folder):
     (folder / "Calib.toml").unlink()
     found = look(folder, GIVEN)
     assert lacks(found) == [("size", False), ("calibrate", False)]
+    assert list(found.lacks[0].values) == [
+        "1080x1920",
+        "3840x2160",
+        "2160x3840",
+    ]  # people are lower than 1080
     assert lacks(look(folder, {**GIVEN, "size": (1088, 1920)})) == [("calibrate", False)]
     assert not found.ready
 

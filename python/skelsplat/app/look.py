@@ -121,7 +121,7 @@ class ResultParts:
         with ui.element("div").classes("s-look two" if videos and has_page else "s-look"):
             if has_page:
                 source = shown(self.address(PAGE, v=version))
-                html(f"<iframe title='Report with the pose in 3D' src='{source}'></iframe>")
+                html(f"<iframe tabindex=-1 title='Report with the pose in 3D' src='{source}'></iframe>")
             if videos:
                 self._videos(result, videos)
 
@@ -153,9 +153,10 @@ class ResultParts:
             )
             html("".join(links)).classes("s-files")
             there = {name.partition("pose.")[2] for name, _, _ in files}
+            others = [kind for kind in POSE_FORMATS if kind not in there]
             with ui.element("div").classes("s-row"):
-                ui.label("Find the pose again, and also write").classes("s-dim s-small")
-                for kind in (kind for kind in POSE_FORMATS if kind not in there):
+                ui.label("Find the pose again, and also write" * bool(others)).classes("s-dim s-small")
+                for kind in others:
                     button(kind, lambda kind=kind: self._also(kind)).set_enabled(not self.recording.running)
 
     async def _also(self, kind: str) -> None:

@@ -154,12 +154,8 @@ class _Together:
         """Show what is being done, or became of the recordings, and the button that begins."""
         if self.problem:
             parts.note("error", self.problem)
-        lack = self.recordings.lacks.get(self.folder)
-        if lack is not None:
-            with (
-                parts.note("note" if lack.optional else "lack", lack.text),
-                ui.element("div").classes("s-row"),
-            ):
+        if (lack := self.recordings.lacks.get(self.folder)) is not None:
+            with parts.note("lack", lack.text), ui.element("div").classes("s-row"):
                 parts.choices(lack, self._choose)
         work = self.recordings.batches.get(self.folder)
         if work is not None:

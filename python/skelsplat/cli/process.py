@@ -119,8 +119,10 @@ class Work:
     def words_of_bar(self) -> str:
         """What it does, how far it is, and the time left."""
         (what, unit), bar = _DOING[self.words[0]], self.bar
-        if self._cancelled or not bar.total:
-            return "Cancelling …" if self._cancelled else f"{what} …"
+        if self._cancelled:
+            return "Cancelling …"
+        if not bar.total:
+            return f"{what}{'' if bar.done or self._pip else ': reading'} …"
         if bar.done == bar.total:
             return f"{what}: writing the results …"
         name = f", {bar.name}" if len(bar.parts) > 1 else ""
@@ -168,8 +170,7 @@ class Work:
 
 def _time(seconds: float) -> str:
     """Return a time in words, as exact as it can be foreseen."""
-    minutes = round(seconds / 60)
-    return f"about {max(1, round(seconds))} s" if seconds < 60 else f"about {minutes} min"
+    return f"about {max(1, round(seconds))} s" if seconds < 60 else f"about {round(seconds / 60)} min"
 
 
 def _do() -> None:

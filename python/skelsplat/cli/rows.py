@@ -47,7 +47,8 @@ class Option:
     @property
     def title(self) -> str:
         """The option in words."""
-        words = {"--fps": "frame rate"}.get(self.flag, self.flag.lstrip("-").replace("-", " "))
+        words = self.flag.lstrip("-").replace("-", " ")
+        words = {"fps": "frame rate", "opensim": "OpenSim"}.get(words, words)
         return words[:1].upper() + words[1:]
 
     @property

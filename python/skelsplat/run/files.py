@@ -26,6 +26,8 @@ _ABOUT = {
     ".xml": "settings, for OpenSim",
     ".py": "runs OpenSim with them",
     ".npz": "arrays, for Python",
+    ".nc": "arrays with names, for xarray and movement",
+    ".npy": "an array, for FreeMoCap's programs",
     ".png": "a picture",
     ".json": "for programs",
 }

@@ -35,12 +35,13 @@ _OF_DETECTIONS = ("layout", "offsets", "fps", "order", "without", "mapping")
 _PER_SECOND = {rate: f"{rate} per second" for rate in ("25", "30", "50", "60", "100")}
 _NO_RATE = (
     "The frame rate is not known. With it, all frames are solved together: joints move smoothly, and "
-    "people can be followed. Choose it, or type another below:"
+    "people can be followed. Choose it, or type another at --fps:"
 )
 _NO_NAMES = "The keypoints do not name their cameras."
-_SIZES = {size: size for size in ("1920x1080", "1080x1920", "1280x720", "3840x2160")}
+_SIZES = [(640, 480), (1280, 720), (720, 1280), (1920, 1080), (1080, 1920), (3840, 2160), (2160, 3840)]
 _NO_SIZE = (
-    "The size of the images is not known, which finding the cameras takes. Choose it, or type another below:"
+    "The size of the images is not known, which finding the cameras takes. Choose it among those in which "
+    "the keypoints are, or type another at --size in “More settings”:"
 )
 _ASKED = ("size", "unit", "", "order", "without", "layout", "fps")  # in this order, by setting
 _ABOVE = 3  # folders above a recording in which its calibration may be
@@ -55,6 +56,7 @@ class Camera:
     fps: float | None = None
     size: tuple[int, int] | None = None
     people: int | None = None
+    reach: tuple[float, float] = (0.0, 0.0)  # px, how far right and down keypoints are, but for 1 % of them
 
     @property
     def image(self) -> str | None:
@@ -180,32 +182,20 @@ def _look(folder: Path, given: Mapping[str, Any], top: Path) -> Found:
     if sources:
         cameras = cameras or tuple(Camera(name) for name in sources)
         cameras = tuple(_with_source(one, sources.get(one.name)) for one in cameras)
-    unknown = not given.get("size") and any(one.size is None for one in cameras)
-    if detections and not calibration and unknown:
-        lacks = [Lack(_NO_SIZE, setting="size", values=_SIZES)]
-    else:
-        lacks = []
+    stated = calibration or given.get("size") or all(one.size for one in cameras)
+    unknown = detections and not stated
+    lacks = [Lack(_NO_SIZE, setting="size", values=_sizes(cameras))] if unknown else []
     if videos and detections:
         lacks += _unfinished(folder / detections, cameras)
     apart = folders_of_one_video(folder) if not detections and not videos else []
-    lacks += [*broken, *lack, *more, *_missing(calibration, detections, videos, bool(broken), apart)]
+    lacks += [*broken, *lack, *more, *_missing(folder, calibration, detections, videos, bool(broken), apart)]
     if not given.get("fps") and detections and not any(one.fps for one in cameras):
         lacks.append(Lack(_NO_RATE, setting="fps", values=_PER_SECOND, optional=True))
-    return Found(
-        folder,
-        cameras,
-        calibration,
-        calibrations,
-        detections,
-        keypoints,
-        videos,
-        layout,
-        "" if rig is None else rig.unit,
-        tuple(lacks),
-        tuple(_otherwise(folder, calibration, cameras, layout, given)),
-        _rates(rates_in(given.get("fps"))),
-        tuple(one.name for one in cameras) if rig is None else tuple(rig.names),
-    )
+    files = (calibration, calibrations, detections, keypoints, videos)
+    unit, names = ("", [one.name for one in cameras]) if rig is None else (rig.unit, rig.names)
+    chosen = tuple(_otherwise(folder, calibration, cameras, layout, given))
+    rates = _rates(rates_in(given.get("fps")))
+    return Found(folder, cameras, *files, layout, unit, tuple(lacks), chosen, rates, tuple(names))
 
 
 def _otherwise(
@@ -218,7 +208,7 @@ def _otherwise(
     if given.get("layout") == layout and layout:
         known["layout"] = layout, {name: name for name in _layouts(sk.layouts.get(layout).n_joints)}
     if given.get("size") and not calibration:
-        known["size"] = size_text(given["size"]).replace("×", "x"), _SIZES
+        known["size"] = size_text(given["size"]).replace("×", "x"), _sizes(cameras)
     if given.get("fps") and not any(one.fps for one in cameras):
         known["fps"] = _rates(rates_in(given["fps"])), _PER_SECOND
     for setting, (value, values) in known.items():
@@ -231,7 +221,7 @@ def _layouts(joints: int) -> list[str]:
 
 
 def _missing(
-    calibration: str, detections: str, videos: str, broken: bool, apart: Sequence[str]
+    folder: Path, calibration: str, detections: str, videos: str, broken: bool, apart: Sequence[str]
 ) -> Iterator[Lack]:
     if not detections and videos:
         yield Lack("There are videos, and no keypoints yet: a detector finds the people in them.", "detect")
@@ -239,6 +229,11 @@ def _missing(
         yield Lack(
             f"There is one video in each of {', '.join(apart)}. Put the videos of all cameras into one "
             "folder, each named after its camera."
+        )
+    elif not detections and any(any(folder.glob(f"{name}people_simulated_*")) for name in ("", "takes/*/")):
+        yield Lack(
+            "The keypoints are in the simulation's own format. skelsplat synth people with --openpose writes "
+            "them as files, too: simulate it again with that."
         )
     elif not detections:
         yield Lack(
@@ -268,11 +263,8 @@ def _unfinished(detections: Path, cameras: Iterable[Camera]) -> Iterator[Lack]:
         }
         if part:
             found = ", ".join(f"{name} {count or 'none'}" for name, count in part.items())
-            yield Lack(
-                f"People were found in a part of the frames only ({found} of {most}).",
-                "detect",
-                optional=True,
-            )
+            words = f"People were found in a part of the frames only ({found} of {most})."
+            yield Lack(words, "detect", optional=True)
 
 
 def _chosen(names: tuple[str, ...], wanted: str | None) -> str:
@@ -281,10 +273,8 @@ def _chosen(names: tuple[str, ...], wanted: str | None) -> str:
 
 def _of_cameras(folder: Path) -> list[Path]:
     """Return the folders in one that are called after calibrations or cameras, as Pose2Sim and synth do."""
-    named = (
-        one for one in folder.iterdir() if any(word in one.name.lower() for word in ("calib", "cameras"))
-    )
-    return [one for one in named if one.is_dir()]
+    inside = [one for one in folder.iterdir() if one.is_dir()]
+    return [one for one in inside if any(word in one.name.lower() for word in ("calib", "cameras"))]
 
 
 def _calibrations(folder: Path, places: Iterable[Path]) -> tuple[tuple[str, ...], list[Lack]]:
@@ -337,15 +327,15 @@ def _sight(
     folder: Path, detections: str, rig: sk.CameraRig | None, given: Mapping[str, Any]
 ) -> tuple[tuple[Camera, ...], str, list[Lack]]:
     """Return the cameras as detections show them, the layout, and what is missing to read them."""
-    cameras = () if rig is None else tuple(map(_calibrated, rig.names, rig))
+    known = () if rig is None else zip(rig.names, rig, strict=True)
+    cameras = tuple(Camera(name, size=camera.size) for name, camera in known)
     if not detections:
         return cameras, "", []
     try:
         named = {name: given[name] for name in ("format", "sequence") if given.get(name)}
         views = sights(folder / detections, **named)
         cameras = tuple(
-            Camera(name, len(view.frames), view.rate, view.size, _people(view))
-            for name, view in views.items()
+            Camera(name, len(view.frames), view.rate, view.size, *_seen(view)) for name, view in views.items()
         )
         names = list(views) if rig is None else rig
         options = {name: given[name] for name in _OF_DETECTIONS if given.get(name)}
@@ -379,10 +369,6 @@ def _blind(
     return Lack(f"There are no keypoints of {listed(blind)}.", setting="without", values=values)
 
 
-def _calibrated(name: str, camera: sk.Camera) -> Camera:
-    return Camera(name, size=camera.size)
-
-
 def _sampled(view: Any) -> Iterator[list[Any]]:
     """Yield the people in some frames of a view, evenly chosen."""
     places = np.unique(np.linspace(0, len(view.frames) - 1, _SAMPLED).astype(np.int64))
@@ -390,9 +376,18 @@ def _sampled(view: Any) -> Iterator[list[Any]]:
         yield [one for one in people if len(one)]
 
 
-def _people(view: Any) -> int | None:
-    """Return how many people are seen at once in some frames, at most."""
-    return max(map(len, _sampled(view)), default=None)
+def _seen(view: Any) -> tuple[int | None, tuple[float, float]]:
+    """Return how many people some frames have at once, at most, and how far right and down they are."""
+    sampled = [*_sampled(view)]
+    joints = np.concatenate([[(0.0, 0.0, 1.0)], *(person for people in sampled for person in people)])
+    right, down = np.nanquantile(joints[joints[:, 2] > 0, :2], 0.99, axis=0)
+    return max(map(len, sampled), default=None), (float(right), float(down))
+
+
+def _sizes(cameras: Sequence[Camera]) -> dict[str, str]:
+    """Return the usual sizes of images in which the keypoints are, the smallest first."""
+    right, down = np.max([one.reach for one in cameras], axis=0)
+    return {f"{w}x{h}": f"{w}×{h}" for w, h in _SIZES if right <= w and down <= h}
 
 
 def _joints(view: Any) -> int:
