@@ -128,10 +128,9 @@ def test_several_recordings_are_offered_what_they_can_do_without(recording, monk
     found = replace(recording.found, keypoints=("pose",), lacks=(rate,))
     monkeypatch.setattr("skelsplat.app.recordings.look", lambda *_: found)
     recordings, top = Recordings(recording.place), recording.place.root
-    recordings.batch(top, [recording.folder])
-    assert (recordings.lacks[top].values, recordings.batches) == (rate.values, {})
-    recordings.batch(top, [recording.folder])
-    assert recordings.batches[top].words[0] == "batch"
+    for started in (False, True):
+        recordings.batch(top, [recording.folder])
+        assert (recordings.lacks[top].values, top in recordings.batches) == (rate.values, started)
 
 
 def test_what_an_extra_adds_is_installed_with_this_python(recording):

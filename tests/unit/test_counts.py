@@ -13,12 +13,12 @@ from planted import FAULTS
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 40_296,
-    "cli": 3_906,
+    "package": 40_314,
+    "cli": 3_910,
     "core": 19_852,
     "binding": 2_760,
     "Rust tests": 5_997,
-    "Python tests": 27_492,
+    "Python tests": 27_517,
     "benchmarks and tools": 4_347,
     "docs, words": 41_984,
     "README, words": 1_462,

@@ -34,8 +34,7 @@ _OF_RIG = ("calibration_format", "unit", "camera_type", "subject", "size", "binn
 _OF_DETECTIONS = ("layout", "offsets", "fps", "order", "without", "mapping")
 _PER_SECOND = {rate: f"{rate} per second" for rate in ("25", "30", "50", "60", "100")}
 _NO_RATE = (
-    "The frame rate is not known. With it, all frames are solved together: joints move smoothly, and "
-    "people can be followed. Choose it, or type another at --fps:"
+    "The frame rate is not known; without it, frames are solved one by one. Choose it, or type it at --fps:"
 )
 _NO_NAMES = "The keypoints do not name their cameras."
 _SIZES = [(640, 480), (1280, 720), (720, 1280), (1920, 1080), (1080, 1920), (3840, 2160), (2160, 3840)]
@@ -135,8 +134,9 @@ class Found:
 
 def lack_of_several(found: Iterable[Found]) -> Lack | None:
     """Return the first thing that one of several recordings lacks, or that all can do without."""
+    more = ", or refine them again without it"
     lacks = [
-        replace(lack, text=f"{one.folder.name}: {lack.text}{' Or refine them without it.' * lack.optional}")
+        replace(lack, text=f"{one.folder.name}: {lack.text[:-1]}{more * lack.optional}{lack.text[-1]}")
         for one in found
         for lack in (*one.lacks, *[Lack("It holds no recording.")] * one.empty)
         if lack.setting or not lack.optional
