@@ -1,6 +1,6 @@
 """The pictures of ``skelsplat app``: ``python docs/figures/app.py [FOLDER]``; it needs Chromium.
 
-Two pages on the recording in the package: before anything is set, and the result beside the videos.
+The page with the recording that the package includes: before anything is set, and with the result.
 """
 
 from __future__ import annotations

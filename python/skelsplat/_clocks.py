@@ -50,8 +50,8 @@ class Clock:
     def between(self, numbers: Index, known: Index) -> tuple[Mask, Index, Index, Array]:
         """Return between which of its ``known`` frames a camera has frames of the recording.
 
-        Whether it has them, the nearest, the one beside it (the nearest itself next to a gap), and which part
-        of the way from the one to the other they are, up to ½.
+        For each: whether the camera has it, the nearest known frame, the one on its other side (the nearest
+        itself next to a gap), and how far it is from the first to the second, up to ½.
         """
         near, rest = self.places(numbers)
         if not len(known):

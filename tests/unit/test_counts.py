@@ -15,12 +15,12 @@ from planted import FAULTS
 CEILINGS = {
     "package": 40_314,
     "cli": 3_910,
-    "core": 19_852,
+    "core": 19_851,
     "binding": 2_760,
     "Rust tests": 5_997,
     "Python tests": 27_517,
     "benchmarks and tools": 4_347,
-    "docs, words": 41_984,
+    "docs, words": 41_985,
     "README, words": 1_462,
 }
 

@@ -25,7 +25,7 @@ _FREE = ("layout", "person", "people")  # choices among which another text can b
 
 @dataclass
 class Form:
-    """Settings; ``given`` has by command the texts of those that are set, ``changed`` is told of changes."""
+    """Settings. ``given`` has the texts of those that are set, by command; ``changed`` follows a change."""
 
     given: Mapping[str, dict[str, Any]]
     changed: Callable[[str, str], object]

@@ -32,7 +32,7 @@ _REMEDIES = {
     "detect": ("Find people in the videos", ("mediapipe", "rtmlib"), "rtmlib"),
     "calibrate": ("Find the cameras from the people", ("cv2",), "video"),
 }
-_INSTALL = "For this, a package is missing. It can be downloaded into the Python that runs this page, with:"
+_INSTALL = "A package is missing for this. The command downloads it into the Python that runs this page:"
 # Settings on which it depends what is found.
 _READ_WITH = {row.name for row in OPTIONS["refine"] if row.panel in ("Calibration", "Input")} | {"fps"}
 
@@ -114,7 +114,7 @@ class RecordingPage:
                 self._lack(lack)
             if found.inside:
                 to = parts.address("/", at=folder)
-                with parts.note("lack", f"The recordings are in folders in it: {', '.join(found.inside)}."):
+                with parts.note("lack", f"The recordings are in folders inside: {', '.join(found.inside)}."):
                     parts.button("Show them", lambda: ui.navigate.to(to), first=True)
             parts.html(_DROP.format(escape(folder, quote=True)))
 
@@ -169,6 +169,6 @@ class RecordingPage:
         recording = self.recording
         if lines := lines_of(recording.found, recording.given, recording.done):
             with parts.section("Without this page"):
-                ui.label("What was done and what the button does, in commands and Python:").classes("s-dim")
+                ui.label("What was done, and what the button does, in commands and Python:").classes("s-dim")
                 for name, text in lines.items():
                     parts.code(text, name)

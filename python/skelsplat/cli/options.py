@@ -172,7 +172,7 @@ JOB = rows(
     --max-steps N
     --threads 1..1024  [all cores]
     Over time:
-    * --fps HZ|CAMERA=HZ  Frame rate, of all or by camera. Where cameras differ: cam1=30,cam2=60. If it is
+    * --fps HZ|CAMERA=HZ  Frame rate, for all or by camera. Where they differ: cam1=30,cam2=60. If it is
         known, the recording is solved over time: bones keep their length and joints move smoothly. [as files
         or videos state it]
     --frame-by-frame  Solve each frame alone, even if the frame rate is known. --paper always does.
@@ -233,7 +233,7 @@ def option_of(remedy: Remedy) -> Option | None:
 
 
 CALIBRATION = tuple(row for row in JOB if row.panel == "Calibration")
-_OF_CAMERAS = "Frame rate, which calibrate --clock needs, or those of cameras that differ: cam1=30,cam2=60."
+_OF_CAMERAS = "Frame rate, which calibrate --clock needs; by camera where they differ: cam1=30,cam2=60."
 _JUDGED_BY = """
     Input:
     * --person WHO  By whom the cameras are judged. everybody: all on whom three views agree; consistent: only

@@ -51,10 +51,8 @@ def findings_of(
     if len(found.report) == 2 and found.of("unseen"):
         sentence = "Two cameras do not tell which of them was turned or moved, so neither was adjusted. Add "
         sentence += "a third camera, or name the one that was moved."
-        subject, remedy = (
-            Subject(found.cameras.names),
-            tuple(Remedy("move", name) for name in found.cameras.names),
-        )
+        subject = Subject(found.cameras.names)
+        remedy = tuple(Remedy("move", name) for name in found.cameras.names)
         yield Finding("cameras_not_adjusted", "warning", subject, remedy=remedy, sentence=sentence)
     sound = len(found.of("sound"))
     if sound and not found.of("adjusted", "late", "doubtful", "knocked", "unsteady"):

@@ -39,8 +39,8 @@ _NO_RATE = (
 _NO_NAMES = "The keypoints do not name their cameras."
 _SIZES = [(640, 480), (1280, 720), (720, 1280), (1920, 1080), (1080, 1920), (3840, 2160), (2160, 3840)]
 _NO_SIZE = (
-    "The size of the images is not known, which finding the cameras takes. Choose it among those in which "
-    "the keypoints are, or type another at --size in “More settings”:"
+    "The size of the images is not known, and finding the cameras needs it. Choose one that holds the "
+    "keypoints, or type another at --size in “More settings”:"
 )
 _ASKED = ("size", "unit", "", "order", "without", "layout", "fps")  # in this order, by setting
 _ABOVE = 3  # folders above a recording in which its calibration may be
@@ -212,7 +212,9 @@ def _otherwise(
     if given.get("fps") and not any(one.fps for one in cameras):
         known["fps"] = _rates(rates_in(given["fps"])), _PER_SECOND
     for setting, (value, values) in known.items():
-        text = f"--{setting} {value}, as files do not state it." + " If that is wrong:" * (len(values) > 1)
+        text = f"--{setting} {value}: chosen, since no file states it." + " If it is wrong:" * (
+            len(values) > 1
+        )
         yield Lack(text, setting=setting, values=values, value=value, optional=True)
 
 
@@ -232,8 +234,8 @@ def _missing(
         )
     elif not detections and any(any(folder.glob(f"{name}people_simulated_*")) for name in ("", "takes/*/")):
         yield Lack(
-            "The keypoints are in the simulation's own format. skelsplat synth people with --openpose writes "
-            "them as files, too: simulate it again with that."
+            "The keypoints are in the simulation's own format. Simulate again with skelsplat synth people "
+            "--openpose, which also writes OpenPose files."
         )
     elif not detections:
         yield Lack(

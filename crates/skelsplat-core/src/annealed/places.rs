@@ -28,8 +28,7 @@ const LEAST_ANCHORS: usize = 3;
 const LEAST_GIVEN: usize = 1;
 /// How far joints move from one frame to the next, mm per axis: a wrist at 2.5 m/s at 25 Hz.
 const MOVED: f64 = 100.0;
-/// Places nearer to where a joint is than this multiple of its kernel are no others: it would
-/// return.
+/// A place within this multiple of its kernel is where a joint already is: it would return there.
 const SAME: f64 = 1.0;
 /// Share of the frames before which something else has happened: a cut, or a wrong past.
 const JUMP: f64 = 0.1;

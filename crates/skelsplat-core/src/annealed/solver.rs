@@ -49,9 +49,9 @@ pub(super) struct Solver {
     /// The same when the last run began.
     begun: usize,
     pub(super) converged: bool,
-    /// The longest step of the last one, mm.
+    /// The longest move of a joint in the last step, mm.
     longest: f64,
-    /// Whether all joints that are estimated took part in the last run.
+    /// Whether all estimated joints took part in the last run.
     pub(super) whole: bool,
     links: Vec<Link>,
     scratch: Scratch,
