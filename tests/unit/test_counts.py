@@ -20,7 +20,7 @@ CEILINGS = {
     "Rust tests": 5_997,
     "Python tests": 27_517,
     "benchmarks and tools": 4_347,
-    "docs, words": 41_985,
+    "docs, words": 41_977,
     "README, words": 1_462,
 }
 
