@@ -60,6 +60,8 @@ RATES = (30.0, 60.0, 25.0, 50.0)
 # Frames in which one take passes into the next, and headings of which the one is taken that stays nearest.
 BLEND, HEADINGS = 15, 24
 WIDE_DEG, KNOCKED_DEG = (60.0, 110.0), 3.0
+# Main cameras of phones, of a film 36 mm wide.
+PHONES_MM = (24.0, 28.0)
 # Several people: distance of the cameras from the middle of the room, and what the people do.
 ROOM_MM, MEETINGS = 4500.0, ("cross", "handover", "circle", "behind", "leave")
 REAL_CASES = ("known", "focal", "same", "known, clocks")
@@ -125,8 +127,11 @@ def simulated(views: int, seed: int, case: str) -> Recording:
     if "people" in case:
         return crowded(views, seed, case)
     rng, cameras = np.random.default_rng([seed, views]), list(scenarios.rig(views))
-    if "wide" in case:
-        focal = [c.size[0] / 2 / np.tan(np.radians(rng.uniform(*WIDE_DEG)) / 2) for c in cameras]
+    if "wide" in case or "phones" in case:
+        widths = [np.degrees(2 * np.arctan(18 / rng.uniform(*PHONES_MM))) for _ in cameras]
+        if "wide" in case:
+            widths = [rng.uniform(*WIDE_DEG) for _ in cameras]
+        focal = [c.size[0] / 2 / np.tan(np.radians(w) / 2) for c, w in zip(cameras, widths, strict=True)]
         zooms = [f / c.K[0, 0] for c, f in zip(cameras, focal, strict=True)]
         lenses = [np.array([[zoom, 1, 1], [1, zoom, 1], [1, 1, 1]]) for zoom in zooms]
         cameras = [altered(c, K=c.K * lens) for c, lens in zip(cameras, lenses, strict=True)]

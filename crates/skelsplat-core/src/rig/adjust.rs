@@ -186,7 +186,7 @@ impl Task<'_> {
     /// and all together fit those frames better.
     fn holds(&self, rig: &Explanation) -> bool {
         let (before, after) = (self.left_out(self.given), self.left_out(&rig.cameras));
-        let free = unknowns(&rig.freedom, Lenses::CALIBRATED);
+        let free = unknowns(&rig.freedom);
         let holds = |(i, freedom): (usize, &Freedom)| {
             let change = Change::between(&self.given[i], &rig.cameras[i]);
             let sure = wald(&rig.judged, &free, i, *freedom, &change);
@@ -260,7 +260,7 @@ impl Task<'_> {
         };
         let freedom: Vec<Freedom> = rig.freedom.iter().map(full).collect();
         let mut rig = self.settle(scope, rig.cameras, freedom.clone());
-        let free = unknowns(&freedom, Lenses::CALIBRATED);
+        let free = unknowns(&freedom);
         for (i, _) in freedom.iter().enumerate().filter(|(_, freedom)| freedom.any()) {
             all[i] = bars(&rig.judged.steady, &free, i);
         }

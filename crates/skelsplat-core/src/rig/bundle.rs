@@ -54,15 +54,15 @@ const PRIOR_RADIAL: f64 = 0.15;
 /// What is known of focal lengths beforehand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lenses {
-    /// Standard deviation of the logarithm of a focal length.
+    /// Standard deviation of the logarithm of a focal length,
     pub sigma: f64,
-    /// Whether all change alike.
-    pub same: bool,
+    /// and of what it differs by from those of all: less if cameras are of one kind.
+    pub apart: f64,
 }
 
 impl Lenses {
     /// Of cameras with a calibration.
-    pub const CALIBRATED: Self = Self { sigma: 0.1, same: false };
+    pub const CALIBRATED: Self = Self { sigma: 0.1, apart: 0.1 };
 }
 
 /// Cameras and joints that are adjusted together.
@@ -154,22 +154,23 @@ impl Bundle<'_> {
 
     /// One step under kernels of the width `sigma`; how far it goes.
     fn step(&mut self, sigma: f64) -> f64 {
-        let free = unknowns(&self.freedom, self.lenses);
+        let free = unknowns(&self.freedom);
         let Cells { equations, moves, follow } = self.cells(sigma);
         let mut sum = Reduced::sum(&summed(&equations));
         let reach = self.reach();
         let prior = self.prior(sigma, &reach);
-        for (q, (i, k)) in free.iter().enumerate() {
-            sum.matrix[(q, q)] += prior[q];
-            sum.gradient[q] +=
-                prior[q] * Change::between(&self.given[*i], &self.cameras[*i]).parameter(*k);
-        }
+        let changes: Vec<Change> = (0..self.cameras.len())
+            .map(|i| Change::between(&self.given[i], &self.cameras[i]))
+            .collect();
+        let changed = free.iter().map(|(i, k)| changes[*i].parameter(*k));
+        sum.gradient += &prior * DVector::from_iterator(free.len(), changed);
+        sum.matrix += prior;
         let Some(factor) = sum.matrix.cholesky() else { return 0.0 };
         let delta = -factor.solve(&sum.gradient);
         let offsets = self.offsets.as_ref().map(|all| all.steps(&follow, &delta));
         let mut steps = vec![Step::zeros(); self.cameras.len()];
         let mut farthest = 0.0_f64;
-        for (i, k, q) in places(&self.freedom, self.lenses) {
+        for (q, (i, k)) in free.into_iter().enumerate() {
             steps[i][k] = delta[q];
             let size = if (3..6).contains(&k) { delta[q] / reach[i] } else { delta[q] };
             farthest = farthest.max(size.abs());
@@ -197,11 +198,26 @@ impl Bundle<'_> {
         self.given.iter().map(|placed| (placed.camera.centre() - middle).norm().max(1.0)).collect()
     }
 
-    /// Precision of the prior of every unknown.
-    fn prior(&self, sigma: f64, reach: &[f64]) -> Vec<f64> {
+    /// Precision of the prior of all unknowns.
+    ///
+    /// Lenses differ by r σ from those of all n cameras, σ²((1 − r²) 1 1ᵀ + r² I), which has the
+    /// inverse (I − (1 − r²)/(r² + n (1 − r²)) 1 1ᵀ)/r²σ².
+    fn prior(&self, sigma: f64, reach: &[f64]) -> DMatrix<f64> {
+        let free = unknowns(&self.freedom);
         let noise = sigma / PER_NOISE;
-        let precision = |(i, k): (usize, usize)| (noise / self.prior_sigma(k, reach[i])).powi(2);
-        unknowns(&self.freedom, self.lenses).into_iter().map(precision).collect()
+        let even = |(i, k): &(usize, usize)| (noise / self.prior_sigma(*k, reach[*i])).powi(2);
+        let mut prior =
+            DMatrix::from_diagonal(&DVector::from_iterator(free.len(), free.iter().map(even)));
+        let apart = (self.lenses.apart / self.lenses.sigma).powi(2);
+        for lens in [ZOOM, RADIAL] {
+            let own: Vec<usize> = (0..free.len()).filter(|q| free[*q].1 == lens).collect();
+            let common = (1.0 - apart) / (apart + own.len() as f64 * (1.0 - apart));
+            for (a, b) in own.iter().flat_map(|a| own.iter().map(move |b| (*a, *b))) {
+                let each = f64::from(u8::from(a == b));
+                prior[(a, b)] = (each - common) * even(&free[a]) / apart;
+            }
+        }
+        prior
     }
 
     /// Standard deviation of the prior of a parameter of a camera at this distance.
@@ -282,8 +298,9 @@ impl Bundle<'_> {
     /// number of all.
     fn columns(&self) -> (Columns, usize) {
         let mut columns: Columns = vec![Vec::new(); self.cameras.len()];
-        let free = unknowns(&self.freedom, self.lenses).len();
-        places(&self.freedom, self.lenses).for_each(|(i, k, q)| columns[i].push((q, k)));
+        let unknowns = unknowns(&self.freedom);
+        let free = unknowns.len();
+        unknowns.into_iter().enumerate().for_each(|(q, (i, k))| columns[i].push((q, k)));
         if self.offsets.is_none() {
             return (columns, free);
         }
@@ -403,25 +420,24 @@ impl Bundle<'_> {
     /// Without cluster j the solution moves by δ_j = (S − S_j)⁻¹ s_j; their scatter J = (G−1)/G Σ
     /// δ_j δ_jᵀ is that of the solution (jackknife), to which the prior adds S⁻¹ Π S⁻¹. From some
     /// ten clusters single elements of J are uncertain by a third, but not its size relative to
-    /// S⁻¹, φ = tr(S J)/q: error bars are those of φ S⁻¹/κ², where κ S has the curvature of the
-    /// kernel itself.
+    /// S⁻¹, φ = tr(S J)/tr(S⁻¹(S − Π)), without what the prior knows: error bars are those of φ
+    /// S⁻¹/κ², where κ S has the curvature of the kernel itself.
     pub fn judge(&self, sigma: f64) -> Judged {
         let Cells { equations: cells, .. } = self.cells(sigma);
         let clusters = summed(&cells);
         let costs: Vec<f64> = clusters.iter().map(|cluster| cluster.cost).collect();
         let prior = self.prior(sigma, &self.reach());
-        let q = prior.len();
-        let mut whole = DMatrix::from_diagonal(&DVector::from_vec(prior.clone()));
+        let q = prior.nrows();
+        let mut whole = prior.clone();
         clusters.iter().for_each(|cluster| whole += &cluster.matrix);
         let of_joints = jackknife(&whole, &clusters);
         let (Some(of_joints), Some(inverse)) = (of_joints, whole.clone().try_inverse()) else {
             return Judged::unknown(costs, q);
         };
         let noise = (sigma / PER_NOISE).powi(2);
-        let known = DMatrix::from_diagonal(&DVector::from_vec(prior)) * noise;
         let jackknife = of_joints + lasting(&whole, &cells);
-        let even = (&whole * &jackknife).trace() / q as f64;
-        let held = &inverse * known * &inverse;
+        let even = (&whole * &jackknife).trace() / (q as f64 - (&inverse * &prior).trace());
+        let held = &inverse * prior * &inverse * noise;
         let [all, curved] = Reduced::sum(&clusters).weights;
         let curve = (curved / all).max(LEAST_CURVED);
         Judged {
@@ -434,32 +450,10 @@ impl Bundle<'_> {
     }
 }
 
-/// Camera and parameter of every unknown; of a common lens, the first camera.
-pub fn unknowns(freedom: &[Freedom], lenses: Lenses) -> Vec<(usize, usize)> {
-    let mut out = Vec::new();
-    for (i, k, q) in places(freedom, lenses) {
-        if q == out.len() {
-            out.push((i, k));
-        }
-    }
-    out
-}
-
-/// Every free parameter: camera, parameter, and the unknown that it follows.
-pub fn places(
-    freedom: &[Freedom],
-    lenses: Lenses,
-) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
+/// Camera and parameter of every unknown.
+pub fn unknowns(freedom: &[Freedom]) -> Vec<(usize, usize)> {
     let all = freedom.iter().enumerate();
-    let all = all.flat_map(|(i, freedom)| freedom.columns().map(move |k| (i, k)));
-    let (mut next, mut common) = (0, [None; PARAMETERS]);
-    all.map(move |(i, k)| {
-        let tied = lenses.same && (k == ZOOM || k == RADIAL);
-        let q = common[k].filter(|_| tied).unwrap_or(next);
-        next += usize::from(q == next);
-        common[k] = Some(q);
-        (i, k, q)
-    })
+    all.flat_map(|(i, freedom)| freedom.columns().map(move |k| (i, k))).collect()
 }
 
 /// H⁻¹ and h of a joint; `None` if nothing is known of it.

@@ -8,8 +8,8 @@ use nalgebra::{DVector, Vector3};
 use super::adjust::spread;
 use super::bundle::{Lenses, PER_NOISE};
 use super::evidence::Bars;
-use super::gauge::Sureness;
-use super::lenses::{OtherLens, widen, zooms};
+use super::gauge::{Sureness, Zooms};
+use super::lenses::{FOCAL_SIGMA, LensPosterior, ONE_MAKE};
 use super::placed::{Freedom, Placed, rebuilt};
 use super::scene::{JointMotion, Scene};
 use super::search::{Explanation, LEAST, Scope};
@@ -32,9 +32,6 @@ const FEW: usize = 80;
 const MANY: usize = 300;
 /// The first kernels are so many times wider.
 const WIDER: f64 = 8.0;
-/// Standard deviation of the logarithm of a focal length that is unknown: the widths of lenses of
-/// phones and action cameras, 50 to 90°, about 65°.
-const FOCAL_SIGMA: f64 = 0.3;
 /// A camera belongs to the rig if the others explain this part of its detections.
 const EXPLAINED: f64 = 0.5;
 /// And if their distance from the joints is at most this multiple of the others'.
@@ -140,8 +137,17 @@ pub fn calibrate_cameras(
         };
         let start: Vec<Option<Placed>> = given.iter().zip(clocks).map(placed).collect();
         let distorted = config.undistort;
-        let task =
-            Task { given: &given, frames: &used, times, part: None, layout, unknown, distorted };
+        let apart = if unknown.same_focal { ONE_MAKE } else { FOCAL_SIGMA };
+        let task = Task {
+            given: &given,
+            frames: &used,
+            times,
+            part: None,
+            layout,
+            unknown,
+            lenses: Lenses { sigma: FOCAL_SIGMA, apart },
+            distorted,
+        };
         task.solve(&start, progress)
     })
 }
@@ -216,6 +222,7 @@ struct Task<'a> {
     part: Option<Part>,
     layout: &'a Layout,
     unknown: Unknown,
+    lenses: Lenses,
     /// Whether pixels are as lenses distort them.
     distorted: bool,
 }
@@ -235,24 +242,31 @@ impl Task<'_> {
             }
         }
         let mut moved;
-        loop {
-            let before = cameras.clone();
-            cameras = task.adjusted(&views, cameras, FEW, 1.0, progress)?.cameras;
-            moved = task.moved(&views, &before, progress)?;
-            let worst = task.fit(&views, &cameras).worst().filter(|_| views.len() > 2);
-            let Some(k) = worst.filter(|_| moved.is_none()) else { break };
+        let rough = loop {
+            let rig = task.adjusted(&views, cameras.clone(), FEW, 1.0, progress)?;
+            moved = task.moved(&views, &cameras, progress)?;
+            let worst = task.fit(&views, &rig.cameras).worst().filter(|_| views.len() > 2);
+            let Some(k) = worst.filter(|_| moved.is_none()) else { break rig };
+            cameras = rig.cameras;
             cameras.remove(k);
             views.remove(k);
-        }
-        let rig = task.adjusted(&views, cameras, MANY, 1.0, progress)?;
-        let other_lenses = task.other_lenses(&views, &rig, progress)?;
-        let judged = task.judged(&views, &rig, &other_lenses);
+        };
+        let Unknown { focal, same_focal, .. } = self.unknown;
+        let kinds = (focal && !same_focal).then(|| task.zooms(&views, &rough)).flatten();
+        let kinds = kinds.and_then(LensPosterior::of_kinds);
+        kinds.iter().for_each(|kinds| task.lenses.apart = kinds.apart());
+        let rig = task.adjusted(&views, rough.cameras, MANY, 1.0, progress)?;
+        let lenses = match kinds {
+            None => task.other_lenses(&views, &rig, progress)?,
+            kinds => kinds,
+        };
+        let judged = task.judged(&views, &rig, lenses.as_ref());
         Ok(RigCalibration { cameras: self.report(&views, judged.cameras), moved, ..judged })
     }
 
     /// Whether clocks that are free show that some camera is not in step.
     fn is_out_of_step(&self, rig: &Explanation) -> bool {
-        let Some(sureness) = Sureness::of(rig, self.lenses()) else { return false };
+        let Some(sureness) = Sureness::of(rig) else { return false };
         let shown = |camera: &Placed, bars: &Bars| {
             camera.clock.abs() > f64::max(LEAST_CLOCK, SHOWN * bars.clock)
         };
@@ -266,26 +280,24 @@ impl Task<'_> {
         views: &[usize],
         rig: &Explanation,
         progress: &Progress,
-    ) -> Result<Vec<OtherLens>> {
-        let m = views.len();
+    ) -> Result<Option<LensPosterior>> {
         let Unknown { focal, same_focal, .. } = self.unknown;
-        if focal && !same_focal || m < 3 {
-            return Ok(Vec::new());
+        if focal && !same_focal || views.len() < 3 {
+            return Ok(None);
         }
-        let unknown = Unknown { focal: true, same_focal: false, ..self.unknown };
-        let task = Self { unknown, distorted: false, ..*self };
+        let unknown = Unknown { focal: true, ..self.unknown };
+        let lenses = Lenses { sigma: FOCAL_SIGMA, apart: FOCAL_SIGMA };
+        let task = Self { unknown, lenses, distorted: false, ..*self };
         let free = task.adjusted(views, rig.cameras.clone(), FEW, 1.0, progress)?;
-        let Some(known) = Sureness::of(&free, task.lenses()) else { return Ok(Vec::new()) };
-        let focals = |rig: &Explanation, k: usize| rig.cameras[k].camera.focal()[0];
-        let zooms = DVector::from_fn(m, |k, _| (focals(&free, k) / focals(rig, k)).ln());
-        let one = |k: usize| DVector::from_fn(m, |i, _| if i == k { 1.0 } else { 0.0 });
-        let all = (!focal).then(|| (1.0, DVector::from_element(m, 1.0)));
-        let tried = (0..m).map(|k| (1.0 / m as f64, one(k))).chain(all);
-        let judged = tried.filter_map(|(part, which)| {
-            let shared = known.zoom(&zooms, &which)?;
-            Some(OtherLens::new(part, which, shared))
-        });
-        Ok(judged.collect())
+        let judge = if focal { LensPosterior::of_one_make } else { LensPosterior::of_given };
+        Ok(task.zooms(views, &free).and_then(judge))
+    }
+
+    /// What a rig with free lenses says of them, relative to those expected.
+    fn zooms(&self, views: &[usize], free: &Explanation) -> Option<Zooms> {
+        let focal = |k: usize| free.cameras[k].camera.focal()[0];
+        let zoom = |k: usize| (focal(k) / self.given[views[k]].focal()[0]).ln();
+        Sureness::of(free)?.zooms(DVector::from_fn(views.len(), |k, _| zoom(k)))
     }
 
     /// All cameras, also those that do not belong to the rig.
@@ -360,12 +372,8 @@ impl Task<'_> {
     }
 
     fn scope<'a>(&self, scene: Scene<'a>, frames: &'a [usize], given: &'a [Placed]) -> Scope<'a> {
-        let (Unknown { focal, clock, .. }, lenses) = (self.unknown, self.lenses());
+        let Self { unknown: Unknown { focal, clock, .. }, lenses, .. } = *self;
         Scope { scene, frames, all: frames, given, focal, clock, lenses }
-    }
-
-    fn lenses(&self) -> Lenses {
-        Lenses { sigma: FOCAL_SIGMA, same: self.unknown.same_focal }
     }
 
     /// The cameras where they are now with the focal lengths that were given.
@@ -379,14 +387,21 @@ impl Task<'_> {
     }
 
     /// What each camera's detections say of the joints, and error bars.
-    fn judged(&self, views: &[usize], rig: &Explanation, lenses: &[OtherLens]) -> RigCalibration {
+    fn judged(
+        &self,
+        views: &[usize],
+        rig: &Explanation,
+        lenses: Option<&LensPosterior>,
+    ) -> RigCalibration {
         let fit = self.fit(views, &rig.cameras);
-        let mut sureness = Sureness::of(rig, self.lenses());
-        sureness.iter_mut().for_each(|known| widen(known, lenses));
+        let mut sureness = Sureness::of(rig);
+        if let (Some(known), Some(lenses)) = (&mut sureness, lenses) {
+            lenses.widen(known);
+        }
         let unknown = || vec![Bars::UNKNOWN; views.len()];
         let bars = sureness.as_ref().map_or_else(unknown, Sureness::bars);
         let joint_sigma = sureness.map_or(f64::NAN, |known| self.joints(views, rig, &fit, &known));
-        let zooms = zooms(lenses, views.len());
+        let zooms = lenses.map_or_else(|| vec![1.0; views.len()], LensPosterior::zooms);
         let camera = |k: usize| CalibratedCamera {
             placed: rig.cameras[k].clone(),
             used: true,

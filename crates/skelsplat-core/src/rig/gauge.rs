@@ -9,7 +9,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
 
-use super::bundle::{Follows, Lenses, places};
+use super::bundle::{Follows, unknowns};
 use super::evidence::{Bars, bars};
 use super::placed::{PARAMETERS, ZOOM};
 use super::search::Explanation;
@@ -27,24 +27,25 @@ pub struct Sureness {
     aligned: DMatrix<f64>,
 }
 
-/// What some cameras' focal lengths have in common.
-pub struct SharedZoom {
-    /// The logarithm of it.
-    pub zoom: f64,
-    /// Its variance.
-    pub variance: f64,
-    /// How all parameters follow it.
-    pub by: DVector<f64>,
+/// What a rig with free lenses says of their focal lengths.
+pub struct Zooms {
+    /// Logarithms of them, d.
+    pub estimate: DVector<f64>,
+    /// C.
+    pub covariance: DMatrix<f64>,
+    /// How all parameters θ follow them, cov(θ, d) C⁻¹.
+    pub by: DMatrix<f64>,
 }
 
 impl Sureness {
     /// Of a rig; `None` of cameras in one place.
-    pub fn of(rig: &Explanation, lenses: Lenses) -> Option<Self> {
+    pub fn of(rig: &Explanation) -> Option<Self> {
         let m = rig.cameras.len();
         let q = PARAMETERS * m;
         let mut covariance = DMatrix::zeros(q, q);
-        for (i, k, a) in places(&rig.freedom, lenses) {
-            for (j, l, b) in places(&rig.freedom, lenses) {
+        let free = unknowns(&rig.freedom);
+        for (a, (i, k)) in free.iter().enumerate() {
+            for (b, (j, l)) in free.iter().enumerate() {
                 covariance[(PARAMETERS * i + k, PARAMETERS * j + l)] = rig.judged.steady[(a, b)];
             }
         }
@@ -79,26 +80,19 @@ impl Sureness {
         (0..q / PARAMETERS).map(|i| bars(&covariance, &all, i)).collect()
     }
 
-    /// The part of logarithms of zooms that some cameras share if the others' are right. With the
-    /// estimates d, their covariance C and the cameras u, it is (uᵀC⁻¹d) / (uᵀC⁻¹u), with the
-    /// variance 1 / (uᵀC⁻¹u), and the parameters θ follow it by cov(θ, d) C⁻¹u.
-    pub fn zoom(&self, zooms: &DVector<f64>, which: &DVector<f64>) -> Option<SharedZoom> {
+    /// What it says of focal lengths that are free, with so large logarithms.
+    pub fn zooms(&self, estimate: DVector<f64>) -> Option<Zooms> {
         let own = |i: usize| PARAMETERS * i + ZOOM;
-        let (m, q) = (zooms.len(), self.covariance.nrows());
+        let (m, q) = (estimate.len(), self.covariance.nrows());
         let covariance = DMatrix::from_fn(m, m, |i, j| self.covariance[(own(i), own(j))]);
-        let weights = covariance.cholesky()?.solve(which);
-        let information = weights.dot(which);
-        let mixed = DMatrix::from_fn(q, m, |a, j| self.covariance[(a, own(j))]);
-        Some(SharedZoom {
-            zoom: weights.dot(zooms) / information,
-            variance: information.recip(),
-            by: mixed * weights,
-        })
+        let mixed = DMatrix::from_fn(m, q, |i, a| self.covariance[(own(i), a)]);
+        let by = covariance.clone().cholesky()?.solve(&mixed).transpose();
+        Some(Zooms { estimate, covariance, by })
     }
 
-    /// Adds errors of so large a mean square in this direction of all parameters.
-    pub fn widen(&mut self, by: &DVector<f64>, square: f64) {
-        self.covariance.ger(square, by, by, 1.0);
+    /// Adds errors with this covariance that all parameters follow.
+    pub fn widen(&mut self, by: &DMatrix<f64>, covariance: &DMatrix<f64>) {
+        self.covariance += by * covariance * by.transpose();
     }
 
     /// How far joints that follow the cameras are off with all of them aligned, root mean square

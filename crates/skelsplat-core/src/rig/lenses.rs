@@ -1,65 +1,148 @@
-//! Lenses that are given, or said to be the same, and may be wrong: how likely that is, and what it
-//! would change.
+//! What may be true of lenses: that those given are wrong, or that unknown ones are of one kind.
+//!
+//! Each is a normal prior of the logarithms z of focal lengths, z ~ N(0, P). A rig with free lenses
+//! finds d with the covariance C; the prior explains it by N(d; 0, P + C), and z would be P (P +
+//! C)⁻¹ d with the covariance P − P (P + C)⁻¹ P.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
-use super::gauge::{SharedZoom, Sureness};
+use super::gauge::{Sureness, Zooms};
 
 /// The probability that the lens of one camera, or of all, is not the one that was given,
 const WRONG_LENS: f64 = 0.05;
-/// and the standard deviation of the logarithm of its focal length if it is, and if it is not:
-/// another zoom, and another focus.
-const OTHER_LENS: [f64; 2] = [0.1, 0.01];
+/// the standard deviation of the logarithm of its focal length then: another zoom,
+const OTHER_ZOOM: f64 = 0.1;
+/// and if it is: another focus.
+const OTHER_FOCUS: f64 = 0.01;
+/// Standard deviation of the logarithm of a focal length that is unknown: the widths of lenses of
+/// phones and action cameras, 50 to 90°, about 65°.
+pub(super) const FOCAL_SIGMA: f64 = 0.3;
+/// By how much lenses of one make differ: the four of Human3.6M, 0.2 %.
+pub(super) const ONE_MAKE: f64 = 0.002;
+/// By how much lenses may differ from those of all: any, as main cameras of phones (24 to 28 mm of
+/// small-frame film), as those of one make; each as likely as the others beforehand.
+const KINDS: [f64; 3] = [FOCAL_SIGMA, 0.05, ONE_MAKE];
 
-/// Odds that a lens is wrong.
-fn wrong_lens(shared: &SharedZoom) -> f64 {
-    let density = |sigma: f64| {
-        let all = shared.variance + sigma.powi(2);
-        (-0.5 * shared.zoom.powi(2) / all).exp() / all.sqrt()
-    };
-    WRONG_LENS * density(OTHER_LENS[0]) / density(OTHER_LENS[1])
+/// Focal lengths of one kind: the covariance of m that differ by so much from those of all.
+fn alike(m: usize, apart: f64) -> DMatrix<f64> {
+    let common = FOCAL_SIGMA.powi(2) - apart.powi(2);
+    DMatrix::from_fn(m, m, |i, j| common + if i == j { apart.powi(2) } else { 0.0 })
 }
 
-/// Focal lengths that may be wrong.
-pub(super) struct OtherLens {
-    /// Odds of this against all being right.
-    odds: f64,
-    /// Of which cameras.
-    which: DVector<f64>,
-    shared: SharedZoom,
+/// Focal lengths if something is true of them.
+struct Supposed {
+    /// Logarithm of its probability, up to a constant.
+    evidence: f64,
+    mean: DVector<f64>,
+    covariance: DMatrix<f64>,
 }
 
-impl OtherLens {
-    /// Of so large a `part` of all ways to be wrong.
-    pub(super) fn new(part: f64, which: DVector<f64>, shared: SharedZoom) -> Self {
-        Self { odds: part * wrong_lens(&shared), which, shared }
+/// What is known of focal lengths, by what may be true of them.
+pub(super) struct LensPosterior {
+    zooms: Zooms,
+    supposed: Vec<Supposed>,
+    /// Of which the rig was solved; `None`: with the lenses given, which are right in the first.
+    held: Option<usize>,
+}
+
+impl LensPosterior {
+    /// Of lenses that are unknown, and may be of one kind.
+    pub(super) fn of_kinds(zooms: Zooms) -> Option<Self> {
+        let m = zooms.estimate.len();
+        let all = KINDS.map(|apart| (1.0, alike(m, apart)));
+        let mut found = Self::of(zooms, all)?;
+        found.held = Some(found.likeliest());
+        Some(found)
     }
 
-    /// Mean square of the logarithm of the zoom if this is so, z² + v of its posterior.
-    fn square(&self) -> f64 {
-        let prior = OTHER_LENS[0].powi(2);
-        let held = prior / (prior + self.shared.variance);
-        (held * self.shared.zoom).powi(2) + held * self.shared.variance
+    /// Of lenses that are said to be of one make; one may be another.
+    pub(super) fn of_one_make(zooms: Zooms) -> Option<Self> {
+        let m = zooms.estimate.len();
+        let found = Self::of_wrong(zooms, alike(m, ONE_MAKE), &lone(m))?;
+        Some(Self { held: Some(0), ..found })
     }
-}
 
-/// Adds to the errors of a rig what other lenses would change, by their probabilities p: it is off
-/// by b z with the mean square p (z² + v) b bᵀ.
-pub(super) fn widen(known: &mut Sureness, lenses: &[OtherLens]) {
-    let any: f64 = 1.0 + lenses.iter().map(|lens| lens.odds).sum::<f64>();
-    for lens in lenses {
-        known.widen(&lens.shared.by, lens.odds / any * lens.square());
+    /// Of lenses that are given; one may be another, or all.
+    pub(super) fn of_given(zooms: Zooms) -> Option<Self> {
+        let m = zooms.estimate.len();
+        let mut others = lone(m);
+        others.push((1.0, DVector::from_element(m, 1.0)));
+        Self::of_wrong(zooms, DMatrix::from_diagonal_element(m, m, OTHER_FOCUS.powi(2)), &others)
     }
-}
 
-/// By which factors the focal lengths of the likeliest of these differ, if it is likelier than
-/// none.
-pub(super) fn zooms(lenses: &[OtherLens], m: usize) -> Vec<f64> {
-    let likely = lenses.iter().filter(|lens| lens.odds > 1.0);
-    match likely.max_by(|a, b| a.odds.total_cmp(&b.odds)) {
-        Some(OtherLens { which, shared, .. }) => {
-            which.iter().map(|u| (u * shared.zoom).exp()).collect()
+    /// Of lenses that are right, or some wrong alike, each of so large a part of all ways.
+    fn of_wrong(zooms: Zooms, right: DMatrix<f64>, others: &[(f64, DVector<f64>)]) -> Option<Self> {
+        let wrong = |(part, which): &(f64, DVector<f64>)| {
+            (WRONG_LENS * part, &right + which * which.transpose() * OTHER_ZOOM.powi(2))
+        };
+        let all: Vec<_> =
+            std::iter::once((1.0, right.clone())).chain(others.iter().map(wrong)).collect();
+        Self::of(zooms, all)
+    }
+
+    /// Of what may be true, with its odds and its prior; `None` if nothing can be told.
+    fn of(zooms: Zooms, all: impl IntoIterator<Item = (f64, DMatrix<f64>)>) -> Option<Self> {
+        let given = |(odds, prior): (f64, DMatrix<f64>)| {
+            let both = (&prior + &zooms.covariance).cholesky()?;
+            let gain = both.solve(&prior).transpose();
+            let surprise = zooms.estimate.dot(&both.solve(&zooms.estimate));
+            Some(Supposed {
+                evidence: odds.ln() - 0.5 * (both.ln_determinant() + surprise),
+                mean: &gain * &zooms.estimate,
+                covariance: &prior - &gain * &prior,
+            })
+        };
+        let supposed = all.into_iter().map(given).collect::<Option<Vec<_>>>()?;
+        Some(Self { zooms, supposed, held: None })
+    }
+
+    fn likeliest(&self) -> usize {
+        let evidence = |k: &usize| self.supposed[*k].evidence;
+        let all = 0..self.supposed.len();
+        all.max_by(|a, b| evidence(a).total_cmp(&evidence(b))).unwrap_or(0)
+    }
+
+    /// By how much lenses of unknown kind differ from those of all.
+    pub(super) fn apart(&self) -> f64 {
+        KINDS[self.held.unwrap_or(0)]
+    }
+
+    /// Adds to the errors of a rig what is true instead of what was held, by its probability p: with
+    /// focal lengths that are off by δ besides, Σ p (S + δ δᵀ − S_held), where it is more.
+    pub(super) fn widen(&self, known: &mut Sureness) {
+        let most = self.supposed[self.likeliest()].evidence;
+        let weights: Vec<f64> = self.supposed.iter().map(|s| (s.evidence - most).exp()).collect();
+        let all: f64 = weights.iter().sum();
+        let m = self.zooms.estimate.len();
+        let mut more = DMatrix::zeros(m, m);
+        let held = self.held.map(|k| &self.supposed[k]);
+        let others = self.supposed.iter().zip(weights).skip(usize::from(held.is_none()));
+        for (Supposed { mean, covariance, .. }, weight) in others {
+            let off = held.map_or(mean.clone(), |held| mean - &held.mean);
+            more += (covariance + &off * off.transpose()) * (weight / all);
+            held.into_iter().for_each(|held| more -= &held.covariance * (weight / all));
         }
-        None => vec![1.0; m],
+        let mut parts = more.symmetric_eigen();
+        parts.eigenvalues.apply(|value| *value = value.max(0.0));
+        known.widen(&self.zooms.by, &parts.recompose());
     }
+
+    /// By which factors focal lengths differ from those held, if others are likelier.
+    pub(super) fn zooms(&self) -> Vec<f64> {
+        let k = self.likeliest();
+        let m = self.zooms.estimate.len();
+        if k == 0 || self.held.is_some_and(|held| held == k) {
+            return vec![1.0; m];
+        }
+        let off = &self.supposed[k].mean;
+        let off = self.held.map_or(off.clone(), |held| off - &self.supposed[held].mean);
+        (0..m).map(|i| if k > m || i == k - 1 { off[i].exp() } else { 1.0 }).collect()
+    }
+}
+
+/// Each camera alone.
+fn lone(m: usize) -> Vec<(f64, DVector<f64>)> {
+    (0..m)
+        .map(|k| (1.0 / m as f64, DVector::from_fn(m, |i, _| f64::from(u8::from(i == k)))))
+        .collect()
 }

@@ -291,8 +291,7 @@ impl Scope<'_> {
         bundle.freedom.iter_mut().for_each(|freedom| freedom.clock = false);
         bundle.cameras = clocks.cameras.clone();
         bundle.solve(sigma, sigma);
-        let is_clock: Vec<bool> =
-            unknowns(&freedom, self.lenses).iter().map(|(_, k)| *k == CLOCK).collect();
+        let is_clock: Vec<bool> = unknowns(&freedom).iter().map(|(_, k)| *k == CLOCK).collect();
         let judged = bundle.judge(sigma).timed(clocks.judge(sigma), &is_clock);
         Explanation { cameras: bundle.cameras, freedom, judged }
     }
@@ -336,7 +335,7 @@ impl Scope<'_> {
         if fault == Fault::Clock && !self.clock && frames(&explained) == frames(rig) {
             return None;
         }
-        let unknowns = unknowns(&explained.freedom, self.lenses);
+        let unknowns = unknowns(&explained.freedom);
         let bars = bars(&explained.judged.steady, &unknowns, view);
         let bundle = self.bundle(rig.cameras.clone(), Vec::new(), points);
         let reach = bundle.reach()[view];
@@ -381,7 +380,7 @@ impl Scope<'_> {
         let Supposed { view, rig: changed, .. } = supposed;
         let [before, after] = [rig, changed].map(|rig| total(&rig.judged.costs));
         let change = Change::between(&rig.cameras[*view], &changed.cameras[*view]);
-        let (free, of) = (unknowns(&changed.freedom, self.lenses), changed.freedom[*view]);
+        let (free, of) = (unknowns(&changed.freedom), changed.freedom[*view]);
         self.given.len() as f64 * (before - after) > DOUBTFUL_GAIN * before
             && wald(&changed.judged, &free, *view, of, &change) > FAULT_WALD
     }

@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use super::{FEW, Fit, Part, Task, WIDER};
 use crate::batch::Progress;
 use crate::error::Result;
-use crate::rig::bundle::{Lenses, PER_NOISE, places};
+use crate::rig::bundle::{PER_NOISE, unknowns};
 use crate::rig::evidence::{CHANGED, log_odds, turning_point};
 use crate::rig::gauge::moved;
 use crate::rig::placed::{Change, Placed};
@@ -57,10 +57,7 @@ impl Task<'_> {
                 let parts = self.parts(views, cameras, self.times[frames[first]], progress)?;
                 let rigs = parts.each_ref().map(|(rig, _)| rig);
                 let fit = &parts[0].1;
-                let Some(k) = moved_between(rigs, self.lenses(), &fit.reach(&rigs[0].cameras))
-                else {
-                    break;
-                };
+                let Some(k) = moved_between(rigs, &fit.reach(&rigs[0].cameras)) else { break };
                 let since = when_moved(Scene::new(&seen), &frames, rigs, k, PER_NOISE * fit.noise);
                 let settled = since.abs_diff(first) as f64 <= SETTLED * frames.len() as f64;
                 let agrees = |fit: &Fit| views.len() == 2 || fit.worst().is_none();
@@ -93,8 +90,8 @@ impl Task<'_> {
 }
 
 /// The camera that moved between two rigs of the same cameras, if one did: the likeliest.
-fn moved_between(parts: [&Explanation; 2], lenses: Lenses, reach: &[f64]) -> Option<usize> {
-    let difference = Difference::between(parts, lenses)?;
+fn moved_between(parts: [&Explanation; 2], reach: &[f64]) -> Option<usize> {
+    let difference = Difference::between(parts)?;
     let odds = (0..reach.len()).filter_map(|i| Some((i, difference.odds(i, reach[i])?)));
     let best = odds.max_by(|a, b| a.1.total_cmp(&b.1))?;
     (best.1 > 0.0).then_some(best.0)
@@ -111,15 +108,15 @@ struct Difference<'a> {
 
 impl<'a> Difference<'a> {
     /// `None` where one of the rigs has no error bars.
-    fn between([first, second]: [&'a Explanation; 2], lenses: Lenses) -> Option<Self> {
+    fn between([first, second]: [&'a Explanation; 2]) -> Option<Self> {
         let m = first.cameras.len();
         let q = PLACE * (m - 1);
         let mut covariance = DMatrix::zeros(q, q);
         for part in [first, second] {
-            let known = places(&part.freedom, lenses);
-            let known: Vec<_> = known.filter(|(i, k, _)| *i > 0 && *k < PLACE).collect();
-            for (i, k, a) in &known {
-                for (j, l, b) in &known {
+            let known = unknowns(&part.freedom).into_iter().enumerate();
+            let known: Vec<_> = known.filter(|(_, (i, k))| *i > 0 && *k < PLACE).collect();
+            for (a, (i, k)) in &known {
+                for (b, (j, l)) in &known {
                     covariance[(PLACE * (i - 1) + k, PLACE * (j - 1) + l)] +=
                         part.judged.steady[(*a, *b)];
                 }
