@@ -95,8 +95,8 @@ class CalibratedCamera:
     explained : float
         The share of its detections that lie within four times the noise.
     zoom : float
-        By which factor its focal length seems to be wrong though it was given, or is the same for all; 1
-        where it may be right.
+        By which factor its focal length seems to be wrong though it was given, or differs from the others'
+        though all are the same; 1 where it may be right.
     place_covariance : (3, 3)
         Of the camera's place along the axes of the world, in the square of the rig's unit.
     span : (int, int), optional
@@ -199,7 +199,8 @@ def calibrate_cameras(
     distance : (camera, camera, float), optional
         Of two cameras by name or number, in metres.
     same_focal : bool
-        Whether unknown focal lengths, and lenses, are all the same: cameras of one kind.
+        Whether unknown lenses are known to be of one make, zoom and image size: focal lengths differ by
+        some 0.2 %. Otherwise it is assumed as far as the detections show it.
     clock : bool
         Look for clocks that differ by up to 10 s, and to parts of a frame; needs ``fps``. Otherwise clocks
         are equal, unless they are clearly not, by half a frame to some frames.

@@ -45,7 +45,7 @@ OPTIONS = (
         Cameras:
         * --intrinsics FILE  Calibration file with the cameras' lenses, image sizes and names; places are
             ignored. Without it, focal lengths are found, which takes three cameras.
-        * --same-cameras  All cameras have the same focal length, which is not known.
+        * --same-cameras  Lenses are unknown, but all of one model, zoom and image size.
         * --size WxH  Image size. [as the detections, videos beside them or FILE state it]
         --videos FOLDER  Videos of the cameras, which state the image sizes. [beside the detections]
         """,
