@@ -32,9 +32,6 @@ _OUTSIDE = 0.1
 _COPIED = 0.5
 # Statures, metres.
 _SHORTEST, _TALLEST = 0.3, 2.6
-# How far the principal point may be from the middle of the image (root mean square), relative to the longer
-# side, if the lens is unknown.
-_OFF_CENTRE = 0.012
 # Length of bones as detectors show them, relative to the true ones, and its standard deviation: joints lie
 # inside the body. Measured: OpenPose 0.965, hourglass 0.89 to 0.94, on real recordings of known bones.
 _SHOWN = (0.95, 0.04)
@@ -225,8 +222,6 @@ def calibrate_cameras(
     lenses = blank if options.undistort else [without_distortion(camera) for camera in blank]
     task = Task(blank, lenses, skeleton, focal, focal and same_focal, clock, most_lag, fps, options)
     everyone, start, cameras, found = task.solved(known)
-    if focal:
-        _doubt_centres(cameras, found)
     out_of_step = clock or any(found["clock"])
     for name, estimated in (("zoom_sigma", focal), ("clock_sigma", out_of_step)):
         found[name][:] = found[name] if estimated else np.nan
@@ -292,22 +287,6 @@ def _most_lag(clock: bool, fps: float | None) -> int:
     elif clock:
         raise InvalidInputError("fps: expected the frame rate to find clocks, got none")
     return round(_MOST_LAG_S * fps) if clock and fps is not None else 0
-
-
-def _doubt_centres(cameras: Sequence[Camera], found: Mapping[str, Any]) -> None:
-    """Widen the error bars of cameras whose principal point may not be the middle of the image."""
-    centres = np.stack([np.asarray(camera.centre) for camera in cameras])
-    middle = centres[np.asarray(found["used"])].mean(axis=0)
-    off = np.array([_OFF_CENTRE * max(one.size) / np.asarray(one.K)[0, 0] for one in cameras])
-    found["turn_sigma"][:] = np.hypot(found["turn_sigma"], off)
-    found["shift_covariance"][:] += _across(centres - middle, off)
-
-
-def _across(arms: Array, turns: Array) -> Array:
-    """Return covariances (M, 3, 3) of the ends of arms (M, 3) that turn by so much, rad, to any side."""
-    squares: Array = (arms**2).sum(axis=1)[:, None, None] * np.eye(3) - arms[:, :, None] * arms[:, None]
-    spread: Array = squares * (turns**2 / 2)[:, None, None]
-    return spread
 
 
 def _in_world(

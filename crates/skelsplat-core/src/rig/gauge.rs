@@ -95,6 +95,15 @@ impl Sureness {
         self.covariance += by * covariance * by.transpose();
     }
 
+    /// Adds errors of the cameras' turns about both axes of their images, rad.
+    pub fn turn(&mut self, sigmas: &[f64]) {
+        for (i, sigma) in sigmas.iter().enumerate() {
+            for row in [PARAMETERS * i, PARAMETERS * i + 1] {
+                self.covariance[(row, row)] += sigma * sigma;
+            }
+        }
+    }
+
     /// How far joints that follow the cameras are off with all of them aligned, root mean square
     /// per axis.
     pub fn joints(&self, all: &[Follows]) -> f64 {
