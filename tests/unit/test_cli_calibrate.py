@@ -144,7 +144,8 @@ def test_focal_lengths_and_sizes_from_what_the_folder_knows(room, tmp_path):
     rig = read_calibration(tmp_path / "a.toml")
     assert rig[0].size == RIG[0].size
     assert rig[0].K[0, 0] == pytest.approx(RIG[0].K[0, 0], rel=0.03)
-    assert len({camera.K[0, 0] for camera in rig}) == 1
+    focal = [camera.K[0, 0] for camera in rig]
+    assert np.ptp(focal) < 0.012 * focal[0]  # of one make
     assert "focal length" in result.stdout
     videos = {name: Video(f"{name}.mp4", (800, 600), 25.0) for name in RIG.names}
     write_record(pose, Record({"backend": "own"}, "h36m17", videos=videos))

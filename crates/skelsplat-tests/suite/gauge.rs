@@ -1,8 +1,9 @@
 //! Error bars of a rig as a whole free, against its directions by central differences.
 
-use nalgebra::{DMatrix, Matrix3, Rotation3, Vector2, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Vector2, Vector3, dmatrix, dvector};
 use skelsplat_core::study::rig::bundle::{Bundle, Lenses};
-use skelsplat_core::study::rig::gauge::Sureness;
+use skelsplat_core::study::rig::gauge::{Sureness, Zooms};
+use skelsplat_core::study::rig::lenses::{FOCAL_SIGMA, KINDS, LensPosterior};
 use skelsplat_core::study::rig::placed::{PARAMETERS, Sight, Step};
 use skelsplat_core::study::rig::scene::Scene;
 use skelsplat_core::study::rig::search::Explanation;
@@ -88,7 +89,7 @@ fn aligned(cameras: &[Placed], factor: &DMatrix<f64>) -> Vec<(f64, Matrix3<f64>)
 }
 
 fn bars(rig: &Explanation) -> Vec<Bars> {
-    Sureness::of(rig, Lenses::CALIBRATED).unwrap().bars()
+    Sureness::of(rig).unwrap().bars()
 }
 
 /// Errors of turns, rad, and shifts, mm.
@@ -182,8 +183,51 @@ fn joints_are_off_by_what_their_cameras_are_off() {
         let together = free.clone().svd(true, true).solve(&off, 1e-12).unwrap();
         squares += (off - &free * together).norm_squared();
     }
-    let known = Sureness::of(&explained(&cameras, &errors), Lenses::CALIBRATED).unwrap();
+    let known = Sureness::of(&explained(&cameras, &errors)).unwrap();
     let exact = (squares / size as f64).sqrt();
     let found = known.joints(&bundle.follows(10.0));
     assert!((found / exact - 1.0).abs() < 1e-3, "{found} {exact}");
+}
+
+/// Integrates over the focal lengths of two cameras, in their mean and their difference.
+#[test]
+fn error_bars_of_unknown_lenses_are_those_of_all_kinds() {
+    let covariance = dmatrix![4e-4, 1e-4; 1e-4, 9e-4];
+    let normal = |x: &DVector<f64>, c: &DMatrix<f64>| {
+        let inverse = c.clone().try_inverse().unwrap();
+        (-0.5 * x.dot(&(inverse * x))).exp() / c.determinant().sqrt()
+    };
+    for estimate in [dvector![0.10, 0.12], dvector![0.10, 0.17], dvector![-0.3, 0.3]] {
+        let zooms = |by| Zooms { estimate: estimate.clone(), covariance: covariance.clone(), by };
+        let found = LensPosterior::of_kinds(zooms(DMatrix::identity(2, 2))).unwrap();
+        let mut moments = [0.0; 3].map(|_| (0.0, DVector::zeros(2), DMatrix::zeros(2, 2)));
+        for (apart, moments) in KINDS.into_iter().zip(&mut moments) {
+            let prior = DMatrix::from_fn(2, 2, |i, j| {
+                FOCAL_SIGMA.powi(2) - if i == j { 0.0 } else { apart.powi(2) }
+            });
+            let wide = f64::min(apart, 0.06);
+            for (a, b) in (-100..=100).flat_map(|a| (-50..=50).map(move |b| (a, b))) {
+                let (mean, half) = (f64::from(a) * 6e-3, f64::from(b) * wide / 7.5);
+                let z = dvector![mean - half, mean + half];
+                let p = normal(&z, &prior) * normal(&(&estimate - &z), &covariance) * wide;
+                moments.0 += p;
+                moments.1 += &z * p;
+                moments.2 += &z * z.transpose() * p;
+            }
+        }
+        let most = moments.iter().max_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
+        let (held, second) = (&most.1 / most.0, &most.2 / most.0);
+        let own = second - &held * held.transpose();
+        let all: f64 = moments.iter().map(|part| part.0).sum();
+        let mut exact = -own;
+        for (p, first, second) in &moments {
+            let cross = first * held.transpose();
+            exact += (second - &cross - cross.transpose() + &held * held.transpose() * *p) / all;
+        }
+        assert!(
+            (found.besides() - &exact).amax() < 1e-2 * exact.amax(),
+            "{} {exact}",
+            found.besides()
+        );
+    }
 }

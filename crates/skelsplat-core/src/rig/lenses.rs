@@ -16,12 +16,12 @@ const OTHER_ZOOM: f64 = 0.1;
 const OTHER_FOCUS: f64 = 0.01;
 /// Standard deviation of the logarithm of a focal length that is unknown: the widths of lenses of
 /// phones and action cameras, 50 to 90°, about 65°.
-pub(super) const FOCAL_SIGMA: f64 = 0.3;
+pub const FOCAL_SIGMA: f64 = 0.3;
 /// By how much lenses of one make differ: the four of Human3.6M, 0.2 %.
-pub(super) const ONE_MAKE: f64 = 0.002;
+pub const ONE_MAKE: f64 = 0.002;
 /// By how much lenses may differ from those of all: any, as main cameras of phones (24 to 28 mm of
 /// small-frame film), as those of one make; each as likely as the others beforehand.
-const KINDS: [f64; 3] = [FOCAL_SIGMA, 0.05, ONE_MAKE];
+pub const KINDS: [f64; 3] = [FOCAL_SIGMA, 0.05, ONE_MAKE];
 
 /// Focal lengths of one kind: the covariance of m that differ by so much from those of all.
 fn alike(m: usize, apart: f64) -> DMatrix<f64> {
@@ -38,7 +38,7 @@ struct Supposed {
 }
 
 /// What is known of focal lengths, by what may be true of them.
-pub(super) struct LensPosterior {
+pub struct LensPosterior {
     zooms: Zooms,
     supposed: Vec<Supposed>,
     /// Of which the rig was solved; `None`: with the lenses given, which are right in the first.
@@ -47,7 +47,7 @@ pub(super) struct LensPosterior {
 
 impl LensPosterior {
     /// Of lenses that are unknown, and may be of one kind.
-    pub(super) fn of_kinds(zooms: Zooms) -> Option<Self> {
+    pub fn of_kinds(zooms: Zooms) -> Option<Self> {
         let m = zooms.estimate.len();
         let all = KINDS.map(|apart| (1.0, alike(m, apart)));
         let mut found = Self::of(zooms, all)?;
@@ -56,24 +56,29 @@ impl LensPosterior {
     }
 
     /// Of lenses that are said to be of one make; one may be another.
-    pub(super) fn of_one_make(zooms: Zooms) -> Option<Self> {
+    pub fn of_one_make(zooms: Zooms) -> Option<Self> {
         let m = zooms.estimate.len();
-        let found = Self::of_wrong(zooms, alike(m, ONE_MAKE), &lone(m))?;
+        let found = Self::of_wrong(zooms, &alike(m, ONE_MAKE), &lone(m))?;
         Some(Self { held: Some(0), ..found })
     }
 
     /// Of lenses that are given; one may be another, or all.
-    pub(super) fn of_given(zooms: Zooms) -> Option<Self> {
+    pub fn of_given(zooms: Zooms) -> Option<Self> {
         let m = zooms.estimate.len();
         let mut others = lone(m);
         others.push((1.0, DVector::from_element(m, 1.0)));
-        Self::of_wrong(zooms, DMatrix::from_diagonal_element(m, m, OTHER_FOCUS.powi(2)), &others)
+        let right = DMatrix::from_diagonal_element(m, m, OTHER_FOCUS.powi(2));
+        Self::of_wrong(zooms, &right, &others)
     }
 
     /// Of lenses that are right, or some wrong alike, each of so large a part of all ways.
-    fn of_wrong(zooms: Zooms, right: DMatrix<f64>, others: &[(f64, DVector<f64>)]) -> Option<Self> {
+    fn of_wrong(
+        zooms: Zooms,
+        right: &DMatrix<f64>,
+        others: &[(f64, DVector<f64>)],
+    ) -> Option<Self> {
         let wrong = |(part, which): &(f64, DVector<f64>)| {
-            (WRONG_LENS * part, &right + which * which.transpose() * OTHER_ZOOM.powi(2))
+            (WRONG_LENS * part, right + which * which.transpose() * OTHER_ZOOM.powi(2))
         };
         let all: Vec<_> =
             std::iter::once((1.0, right.clone())).chain(others.iter().map(wrong)).collect();
@@ -103,32 +108,37 @@ impl LensPosterior {
     }
 
     /// By how much lenses of unknown kind differ from those of all.
-    pub(super) fn apart(&self) -> f64 {
+    pub fn apart(&self) -> f64 {
         KINDS[self.held.unwrap_or(0)]
     }
 
-    /// Adds to the errors of a rig what is true instead of what was held, by its probability p: with
-    /// focal lengths that are off by δ besides, Σ p (S + δ δᵀ − S_held), where it is more.
-    pub(super) fn widen(&self, known: &mut Sureness) {
-        let most = self.supposed[self.likeliest()].evidence;
-        let weights: Vec<f64> = self.supposed.iter().map(|s| (s.evidence - most).exp()).collect();
-        let all: f64 = weights.iter().sum();
-        let m = self.zooms.estimate.len();
-        let mut more = DMatrix::zeros(m, m);
-        let held = self.held.map(|k| &self.supposed[k]);
-        let others = self.supposed.iter().zip(weights).skip(usize::from(held.is_none()));
-        for (Supposed { mean, covariance, .. }, weight) in others {
-            let off = held.map_or(mean.clone(), |held| mean - &held.mean);
-            more += (covariance + &off * off.transpose()) * (weight / all);
-            held.into_iter().for_each(|held| more -= &held.covariance * (weight / all));
-        }
-        let mut parts = more.symmetric_eigen();
+    /// Adds to the errors of a rig what is true instead of what was held.
+    pub fn widen(&self, known: &mut Sureness) {
+        let mut parts = self.besides().symmetric_eigen();
         parts.eigenvalues.apply(|value| *value = value.max(0.0));
         known.widen(&self.zooms.by, &parts.recompose());
     }
 
+    /// What the covariance of focal lengths lacks, Σ p (S + δ δᵀ − S_held): what may be true has
+    /// the probability p, and differs by δ from what is held.
+    pub fn besides(&self) -> DMatrix<f64> {
+        let most = self.supposed[self.likeliest()].evidence;
+        let odds: Vec<f64> = self.supposed.iter().map(|s| (s.evidence - most).exp()).collect();
+        let all: f64 = odds.iter().sum();
+        let m = self.zooms.estimate.len();
+        let mut more = DMatrix::zeros(m, m);
+        let held = self.held.map(|k| &self.supposed[k]);
+        let others = self.supposed.iter().zip(odds).skip(usize::from(held.is_none()));
+        for (Supposed { mean, covariance, .. }, odds) in others {
+            let off = held.map_or(mean.clone(), |held| mean - &held.mean);
+            more += (covariance + &off * off.transpose()) * (odds / all);
+            held.into_iter().for_each(|held| more -= &held.covariance * (odds / all));
+        }
+        more
+    }
+
     /// By which factors focal lengths differ from those held, if others are likelier.
-    pub(super) fn zooms(&self) -> Vec<f64> {
+    pub fn zooms(&self) -> Vec<f64> {
         let k = self.likeliest();
         let m = self.zooms.estimate.len();
         if k == 0 || self.held.is_some_and(|held| held == k) {

@@ -12,7 +12,7 @@ pub mod calibrate;
 pub mod clocks;
 pub mod evidence;
 pub mod gauge;
-mod lenses;
+pub mod lenses;
 pub mod placed;
 pub mod reduced;
 pub mod report;
