@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skelsplat import _skelsplat
-from skelsplat._arrays import Array, numbers
+from skelsplat._arrays import Array, numbers, whole_numbers
 from skelsplat._clocks import in_step
 from skelsplat._frozen import frozen, without_frozen
 from skelsplat._refine import Cameras
@@ -30,9 +30,9 @@ class CameraAdjustment:
     ``status`` is ``"sound"`` (it stays as it is), ``"adjusted"``, ``"late"`` (its clock is off, and it stays;
     if it was turned or moved as well, it is adjusted, and ``clock`` says so), ``"doubtful"`` (it or another
     doubtful camera is wrong, or other clocks explain as much, and all stay) or ``"unseen"`` (it sees too
-    little, or is one of two cameras), or ``"unsteady"`` (its clock changes by ``clock`` in the frame
-    ``since``: frames were skipped, or its rate is another; it stays). In runs also ``"knocked"``: it was
-    moved in the frame ``since``, and stays.
+    little, or is one of two cameras), ``"unsteady"`` (its clock changes by ``clock`` at the time ``since``:
+    frames were skipped, or its rate is another; it stays), or ``"knocked"`` (it was moved at the time
+    ``since``, and stays; the change is that of the part in which it is not as given).
 
     Attributes
     ----------
@@ -110,6 +110,7 @@ def adjust_cameras(
     detections: ArrayLike,
     cameras: Cameras,
     *,
+    times: ArrayLike | None = None,
     free: Sequence[str | int] | None = None,
     focal: bool = False,
     clock: bool = False,
@@ -129,6 +130,8 @@ def adjust_cameras(
     detections : (T, M, N, 2|3)
         Of one person or animal who moves about: the frames in order, NaN where missing. Of several people,
         one after another, with 31 empty frames between them (`skelsplat.run.cameras` tells them apart).
+    times : (T,) int, optional
+        Which frame of the recording each one is, for several people; 0, 1, … when left out.
     free : sequence of str or int, optional
         Names or numbers of the cameras that are wrong, in place of finding them; at least one must stay.
     focal : bool
@@ -145,8 +148,9 @@ def adjust_cameras(
     seen = numbers(detections, "detections")
     if seen.ndim == 4:
         seen = without_frozen(seen, frozen(seen))
+    when = None if times is None else whole_numbers(times, "times")
     adjusted, out = _skelsplat.adjust_cameras(
-        seen, rig, confidence=confidence, free=chosen, focal=focal, clock=clock, config=config
+        seen, rig, times=when, confidence=confidence, free=chosen, focal=focal, clock=clock, config=config
     )
     degrees = 180.0 / math.pi
     sigmas = (out["turn_sigma"] * degrees, out["shift_sigma"], out["zoom_sigma"], out["clock_sigma"])

@@ -688,6 +688,7 @@ def adjust_cameras(
     detections: ArrayLike,
     cameras: _Cameras,
     *,
+    times: ArrayLike | None = None,
     confidence: ArrayLike | None = None,
     free: Sequence[int] | None = None,
     focal: bool = False,

@@ -18,13 +18,15 @@ use crate::watch;
 /// Return adjusted cameras and the fields of every ``skelsplat.CameraAdjustment``; radians.
 #[pyfunction]
 #[pyo3(signature = (
-    detections, cameras, *, confidence=None, free=None, focal=false, clock=false, config=None
+    detections, cameras, *, times=None, confidence=None, free=None, focal=false, clock=false,
+    config=None
 ))]
 #[allow(clippy::too_many_arguments, reason = "all but two by keyword")]
 pub(crate) fn adjust_cameras<'py>(
     py: Python<'py>,
     detections: Frames,
     cameras: Cameras,
+    times: Option<Vec<usize>>,
     confidence: Option<Confidence>,
     free: Option<Vec<usize>>,
     focal: bool,
@@ -35,8 +37,10 @@ pub(crate) fn adjust_cameras<'py>(
     frames.expect_views(cameras.cameras.len())?;
     let (seen, what) = (frames.take()?, Adjustable { free, focal, clock });
     let config = config.map_or_else(Default::default, |config| config.0);
+    let times = times.unwrap_or_else(|| (0..seen.len()).collect());
     let done = watch::watched(py, 0, None, move |progress: &Progress| {
-        core_adjust(&cameras.cameras, cameras.unit, &seen, &what, &config, progress)
+        let filmed = Filmed { frames: &seen, times: &times };
+        core_adjust(&cameras.cameras, cameras.unit, filmed, &what, &config, progress)
     })?;
     let m = done.report.len();
     let each =

@@ -5,8 +5,8 @@ use skelsplat_core::study::rig::evidence::{excess, log_odds};
 use skelsplat_core::study::rig::placed::{PARAMETERS, Sight, Step};
 use skelsplat_core::study::rig::{Change, Placed};
 use skelsplat_core::{
-    Adjustable, Camera, CameraStatus, Detections, Distortion, Error, Progress, RefineConfig,
-    RigAdjustment, Unit, adjust_cameras,
+    Adjustable, Camera, CameraStatus, Detections, Distortion, Error, Filmed, Progress,
+    RefineConfig, RigAdjustment, Unit, adjust_cameras,
 };
 use skelsplat_tests::differences::{central_differences, relative_error};
 use skelsplat_tests::refused;
@@ -59,9 +59,14 @@ fn moved(rig: &[Camera], view: usize, turn: [f64; 3], shift: [f64; 3]) -> Vec<Ca
     rig
 }
 
+fn times(frames: &[Detections]) -> Vec<usize> {
+    (0..frames.len()).collect()
+}
+
 fn adjusted(given: &[Camera], frames: &[Detections], what: &Adjustable) -> RigAdjustment {
-    let config = RefineConfig::default();
-    adjust_cameras(given, Unit::Millimetre, frames, what, &config, &Progress::default()).unwrap()
+    let (config, times) = (RefineConfig::default(), times(frames));
+    let filmed = Filmed { frames, times: &times };
+    adjust_cameras(given, Unit::Millimetre, filmed, what, &config, &Progress::default()).unwrap()
 }
 
 fn status(found: &RigAdjustment) -> Vec<CameraStatus> {
@@ -278,7 +283,8 @@ fn lengths_are_in_the_unit_of_the_cameras_and_threads_do_not_matter() {
     let metres: Vec<Camera> = given.iter().map(|c| c.clone().with_length_scale(1e-3)).collect();
     let run = |n_threads| {
         let config = RefineConfig { n_threads, ..RefineConfig::default() };
-        adjust_cameras(&metres, Unit::Metre, &frames, &what, &config, &Progress::default()).unwrap()
+        let filmed = Filmed { frames: &frames, times: &times(&frames) };
+        adjust_cameras(&metres, Unit::Metre, filmed, &what, &config, &Progress::default()).unwrap()
     };
     let m = run(Some(1));
     // In words, as NaN is not equal to itself.
@@ -295,7 +301,8 @@ fn arguments_are_checked() {
     let call = |cameras: &[Camera], frames: &[Detections], free: Option<Vec<usize>>| {
         let what = Adjustable { free, ..Adjustable::default() };
         let config = RefineConfig::default();
-        adjust_cameras(cameras, Unit::Millimetre, frames, &what, &config, &progress)
+        let filmed = Filmed { frames, times: &times(frames) };
+        adjust_cameras(cameras, Unit::Millimetre, filmed, &what, &config, &progress)
     };
     assert_eq!(refused(call(&cameras[..1], &frames, None)), "cameras");
     assert_eq!(refused(call(&cameras, &[], None)), "detections");

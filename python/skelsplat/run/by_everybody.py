@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._arrays import Array, Index, medians
+from skelsplat._arrays import Array, Index
 from skelsplat._clocks import in_step
 from skelsplat._who import GAP, one_after_another
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.findings import Finding
 from skelsplat.rig_check import ReadAs, RigReport, check_rig
-from skelsplat.rig_check._scene import everybody, followed, in_mm, scene_of, several
+from skelsplat.rig_check._scene import everybody, followed, in_mm, several
 from skelsplat.run.solve import evened, step_of
 
 _ROUNDS = 3  # how often people are told apart anew with other cameras
 _SEES = 0.5  # of the people that it should see, relative to other cameras, a camera set right sees so many
-_STEP = 0.8  # a camera is taken as two if a step explains so much of how its distance from the others varies
-_SIDE = 10  # frames on either side of the step, at least, of those that are judged
-_NO_PX = 0.01  # a distance that is none
 
 
 @dataclass(frozen=True)
@@ -48,15 +45,9 @@ class Scene:
         ``given`` are arguments of `skelsplat.adjust_cameras`.
         """
         people, frames = evened(self.people, self.frames)
-        found, everyone = _by_everybody(self.rig, people, self.layout, given)
-        if len(self.rig) > 2 and not given.get("free"):
-            found = _knocked(self.rig, found, everyone, frames, given)
-        period = len(frames) + GAP  # of the people one after another
+        found = _by_everybody(self.rig, people, self.layout, given)
         report = self.read_as.in_files(found.report, step_of(self.frames))
-        for i, one in enumerate(report):
-            if one.status == "unsteady" and one.since is not None:
-                since = min(one.since % period, len(frames) - 1)
-                report[i] = replace(one, since=int(frames[since]))
+        report = [one if one.since is None else replace(one, since=int(frames[one.since])) for one in report]
         return replace(found, report=tuple(report))
 
 
@@ -77,11 +68,11 @@ def adjusted(
 
 def _by_everybody(
     rig: sk.CameraRig, people: Array, layout: sk.Layout, given: dict[str, Any]
-) -> tuple[sk.RigAdjustment, tuple[Array, ...]]:
+) -> sk.RigAdjustment:
     everyone = followed(in_mm(rig), people, layout)
-    found = sk.adjust_cameras(one_after_another(everyone), rig, **given)
+    found = _adjusted(rig, everyone, given)
     if not several(rig, people):
-        return found, everyone
+        return found
     for _ in range(_ROUNDS):
         supposed = _supposed(rig, found)
         if supposed is None:
@@ -93,8 +84,15 @@ def _by_everybody(
         pairs = zip(everyone, before, strict=False)
         if len(everyone) == len(before) and all(np.array_equal(*pair, equal_nan=True) for pair in pairs):
             break
-        found = sk.adjust_cameras(one_after_another(everyone), rig, **given)
-    return _confirmed(rig, found, _part_seen(people, everyone)), everyone
+        found = _adjusted(rig, everyone, given)
+    return _confirmed(rig, found, _part_seen(people, everyone))
+
+
+def _adjusted(rig: sk.CameraRig, everyone: Sequence[Array], given: Mapping[str, Any]) -> sk.RigAdjustment:
+    """Adjust cameras by people (T, M, N, 2|3) one after another."""
+    one = np.arange(len(everyone[0]))
+    times = np.concatenate([np.pad(one, (GAP, 0)) for _ in everyone])[GAP:]
+    return sk.adjust_cameras(one_after_another(everyone), rig, times=times, **given)
 
 
 def _supposed(rig: sk.CameraRig, found: sk.RigAdjustment) -> sk.CameraRig | None:
@@ -132,47 +130,3 @@ def _confirmed(rig: sk.CameraRig, found: sk.RigAdjustment, seen: Array) -> sk.Ri
         elif one.status == "sound":
             report[i] = replace(one, status="unseen")
     return replace(found, cameras=replace(rig, cameras=cameras, clocks={}), report=tuple(report))
-
-
-def _knocked(
-    rig: sk.CameraRig,
-    found: sk.RigAdjustment,
-    everyone: Sequence[Array],
-    frames: Index,
-    given: dict[str, Any],
-) -> sk.RigAdjustment:
-    """Return the adjustment with a camera ``"knocked"`` if, taken as two, before and later, one is wrong.
-
-    Of several cameras, the one with which all then agree best.
-    """
-    ways = [(np.inf, found)]
-    for view, first in _steps(rig, np.concatenate(everyone, axis=2)[..., :2]):
-        halves = [np.concatenate([one, one[:, view : view + 1]], axis=1) for one in everyone]
-        for half in halves:
-            half[first:, view] = half[:first, -1] = np.nan
-        twice = sk.CameraRig([*rig, altered(rig[view], name=None)], rig.unit)
-        again = sk.adjust_cameras(one_after_another(halves), twice, **given)
-        wrong = [i for i, one in enumerate(again.report) if one.status in ("adjusted", "doubtful")]
-        if wrong not in ([view], [len(rig)]):
-            continue
-        one, report = again.report[wrong[0]], list(again.report[:-1])
-        if one.status == "adjusted" and (one.degrees or one.distance):
-            report[view] = replace(one, name=rig.names[view], status="knocked", since=int(frames[first]))
-            off = float(np.nanmean([one.after for one in again.report]))
-            ways.append((off, replace(again, cameras=rig, report=tuple(report))))
-    return min(ways, key=lambda way: way[0])[1]
-
-
-def _steps(rig: sk.CameraRig, seen: Array) -> Iterator[tuple[int, int]]:
-    """Yield the cameras whose distance from the others steps, and the frame from which on it is another."""
-    scene = scene_of(in_mm(rig), seen, np.arange(len(seen)))
-    for view in range(len(rig)):
-        off = np.log(np.maximum(medians(scene.residuals(view)), _NO_PX))
-        known = np.flatnonzero(np.isfinite(off))
-        if len(known) < 2 * _SIDE:
-            continue
-        off = off[known] - off[known].mean()
-        before = np.arange(_SIDE, len(off) - _SIDE + 1)
-        explained = np.cumsum(off)[before - 1] ** 2 * (1 / before + 1 / (len(off) - before))
-        if explained.max() > _STEP * (off**2).sum():
-            yield view, int(scene.judged[known[before[explained.argmax()]]])

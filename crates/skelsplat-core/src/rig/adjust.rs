@@ -3,6 +3,8 @@
 use nalgebra::Vector3;
 
 use super::bundle::{Lenses, unknowns};
+use super::calibrate::knocked::moved_camera;
+use super::calibrate::{Filmed, check_filmed};
 use super::evidence::{Bars, bars, is_worse, total, wald};
 use super::placed::{Change, Freedom, Placed, rebuilt};
 use super::reduced::Reduced;
@@ -62,12 +64,13 @@ pub struct Adjustable {
 pub fn adjust_cameras(
     cameras: &[Camera],
     unit: Unit,
-    frames: &[Detections],
+    filmed: Filmed<'_>,
     what: &Adjustable,
     config: &RefineConfig,
     progress: &Progress,
 ) -> Result<RigAdjustment> {
-    check(cameras, frames, what)?;
+    let Filmed { frames, times } = filmed;
+    check(cameras, filmed, what)?;
     threads::install(config.n_threads, |_| {
         let used: Vec<Detections> =
             frames.iter().map(|frame| frame.above(config.min_confidence)).collect();
@@ -82,14 +85,23 @@ pub fn adjust_cameras(
         let plain = Scene::new(&used);
         let looked: Vec<usize> = fitted.iter().chain(&judged).copied().collect();
         let motion = JointMotion::of(plain, &looked, &given);
-        let task = Task { scene: plain.moving(&motion), given: &given, what, fitted, judged };
+        let (scene, filmed) = (plain.moving(&motion), Filmed { frames: &used, times });
+        let task = Task { scene, filmed, given: &given, what, fitted, judged };
         let (mut found, bars) = task.solve(progress)?;
-        let unsteady = task.unsteady(&mut found);
-        task.report(&found, &bars, unsteady, cameras, unit)
+        let changes = match task.unsteady(&found) {
+            None => task.knocked(&found, progress)?,
+            clock => clock,
+        };
+        changes.iter().for_each(|Changes { view, .. }| task.put_back(&mut found, *view));
+        task.report(&found, &bars, changes, cameras, unit)
     })
 }
 
-fn check(cameras: &[Camera], frames: &[Detections], what: &Adjustable) -> Result<()> {
+pub(super) fn check(
+    cameras: &[Camera],
+    Filmed { frames, times }: Filmed<'_>,
+    what: &Adjustable,
+) -> Result<()> {
     let m = cameras.len();
     if m < 2 {
         return Err(Error::invalid("cameras", "at least two cameras", m.to_string()));
@@ -97,10 +109,7 @@ fn check(cameras: &[Camera], frames: &[Detections], what: &Adjustable) -> Result
     if frames.is_empty() {
         return Err(Error::invalid("detections", "at least one frame", "none"));
     }
-    if let Some(frame) = frames.iter().find(|frame| frame.n_views() != m) {
-        let expected = format!("one view per camera ({m})");
-        return Err(Error::invalid("detections", expected, format!("{} views", frame.n_views())));
-    }
+    check_filmed(frames, times, m)?;
     let Some(free) = &what.free else { return Ok(()) };
     if let Some(i) = free.iter().find(|i| **i >= m) {
         return Err(Error::invalid("free", format!("cameras 0 to {}", m - 1), i.to_string()));
@@ -111,8 +120,19 @@ fn check(cameras: &[Camera], frames: &[Detections], what: &Adjustable) -> Result
     }
 }
 
+/// A camera that is another from a time on.
+struct Changes {
+    view: usize,
+    since: usize,
+    status: CameraStatus,
+    change: Change,
+    /// Of the change, if known.
+    bars: Option<Bars>,
+}
+
 struct Task<'a> {
     scene: Scene<'a>,
+    filmed: Filmed<'a>,
     given: &'a [Placed],
     what: &'a Adjustable,
     fitted: Vec<usize>,
@@ -171,14 +191,55 @@ impl Task<'_> {
         Ok((found, bars))
     }
 
-    /// The camera whose clock changes while it records: it stays as given.
-    fn unsteady(&self, found: &mut SearchResult) -> Option<ClockChange> {
-        let some = spread(&self.fitted, JUDGED);
-        let change = self.scope(&some).clock_change(&found.rig.cameras)?;
-        found.rig.cameras[change.view] = self.given[change.view].clone();
-        found.rig.freedom[change.view] = Freedom::default();
-        found.rivals.retain(|rival| rival.view != change.view);
-        Some(change)
+    /// The camera whose clock changes while it records.
+    fn unsteady(&self, found: &SearchResult) -> Option<Changes> {
+        let mut some = spread(&self.fitted, JUDGED);
+        some.sort_by_key(|t| self.filmed.times[*t]);
+        let ClockChange { view, since, by, .. } =
+            self.scope(&some).clock_change(&found.rig.cameras)?;
+        let given = &self.given[view];
+        let change = Change { clock: by, ..Change::between(given, given) };
+        let (since, status) = (self.filmed.times[since], CameraStatus::Unsteady);
+        Some(Changes { view, since, status, change, bars: None })
+    }
+
+    /// The camera that was moved while it recorded, and where it is in the part of the recording in
+    /// which it is not as given.
+    fn knocked(&self, found: &SearchResult, progress: &Progress) -> Result<Option<Changes>> {
+        let m = self.given.len();
+        let views: Vec<usize> = (0..m).filter(|i| !self.is_unseen(*i)).collect();
+        if views.len() < 3 || self.what.free.is_some() {
+            return Ok(None);
+        }
+        let rig = &found.rig.cameras;
+        let Some((view, since)) = moved_camera(rig, self.filmed, &views, progress)? else {
+            return Ok(None);
+        };
+        let (before, after): (Vec<usize>, Vec<usize>) =
+            self.fitted.iter().partition(|t| self.filmed.times[**t] < since);
+        let mut cameras = rig.clone();
+        cameras[view] = self.given[view].clone();
+        let placed = |frames: Vec<usize>| {
+            let some = spread(&frames, SEARCHED);
+            let scope = self.scope(&some);
+            let sigma = scope.sigma(&cameras);
+            let still = scope.explain(cameras.clone(), vec![Freedom::default(); m], sigma, 1.0);
+            scope.suppose(&still, view, Fault::Place, sigma)
+        };
+        let parts = [before, after].into_iter().filter_map(placed);
+        let elsewhere = parts.max_by(|a: &Supposed, b| a.odds.total_cmp(&b.odds));
+        let changes = |Supposed { rig, bars, .. }| {
+            let change = Change::between(&self.given[view], &rig.cameras[view]);
+            Changes { view, since, status: CameraStatus::Knocked, change, bars: Some(bars) }
+        };
+        Ok(elsewhere.map(changes))
+    }
+
+    /// Leaves a camera as given.
+    fn put_back(&self, found: &mut SearchResult, view: usize) {
+        found.rig.cameras[view] = self.given[view].clone();
+        found.rig.freedom[view] = Freedom::default();
+        found.rivals.retain(|rival| rival.view != view);
     }
 
     /// Whether every change is confirmed on all frames, and its camera fits frames that were left
@@ -320,7 +381,7 @@ impl Task<'_> {
         &self,
         found: &SearchResult,
         bars: &[Bars],
-        unsteady: Option<ClockChange>,
+        changes: Option<Changes>,
         cameras: &[Camera],
         unit: Unit,
     ) -> Result<RigAdjustment> {
@@ -328,16 +389,17 @@ impl Task<'_> {
         let after = self.left_out(&found.rig.cameras);
         let mm = unit.millimetres();
         let of_camera = |i: usize| {
-            let (mut change, bars, mut status) = self.verdict(found, bars, i);
-            let unsteady = unsteady.filter(|change| change.view == i);
-            if let Some(ClockChange { by, .. }) = unsteady {
-                (change.clock, status) = (by, CameraStatus::Unsteady);
+            let (mut change, mut bars, mut status) = self.verdict(found, bars, i);
+            let changes = changes.as_ref().filter(|changes| changes.view == i);
+            if let Some(changes) = changes {
+                (change, status) = (changes.change, changes.status);
+                bars = changes.bars.unwrap_or(bars);
             }
             CameraAdjustment {
                 status,
                 change: Change { shift: change.shift / mm, ..change },
                 bars: Bars { shift: bars.shift / mm, place: bars.place / (mm * mm), ..bars },
-                since: unsteady.map(|change| change.since),
+                since: changes.map(|changes| changes.since),
                 before: before[i],
                 after: after[i],
             }
@@ -413,17 +475,17 @@ pub fn equations(
     sigma: f64,
 ) -> Result<Reduced> {
     let all: Vec<Camera> = cameras.iter().map(|placed| placed.camera.clone()).collect();
-    check(&all, frames, &Adjustable::default())?;
+    let times: Vec<usize> = (0..frames.len()).collect();
+    check(&all, Filmed { frames, times: &times }, &Adjustable::default())?;
     let scene = Scene::new(frames);
     if points.len() != frames.len() * scene.n_joints() {
         let expected = format!("{} x {} points", frames.len(), scene.n_joints());
         return Err(Error::invalid("points", expected, points.len().to_string()));
     }
     let motion = JointMotion::known(scene.n_joints(), points.clone());
-    let numbers: Vec<usize> = (0..frames.len()).collect();
     let free = Freedom { focal: true, clock: true, ..Freedom::PLACE };
     let freedom = vec![free; cameras.len()];
-    let (scene, frames, all) = (scene.moving(&motion), numbers.as_slice(), numbers.as_slice());
+    let (scene, frames, all) = (scene.moving(&motion), times.as_slice(), times.as_slice());
     let lenses = Lenses::CALIBRATED;
     let scope = Scope { scene, frames, all, given: cameras, focal: true, clock: true, lenses };
     let bundle = scope.bundle(cameras.to_vec(), freedom, points);

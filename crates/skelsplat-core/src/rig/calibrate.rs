@@ -1,7 +1,7 @@
 //! Cameras from the people who are filmed: a first guess of a rig is adjusted with all cameras
 //! free, by the bundle of [`super::bundle`] from wide kernels to narrow ones.
 
-mod knocked;
+pub(super) mod knocked;
 
 use nalgebra::{DVector, Vector3};
 
@@ -118,14 +118,7 @@ pub fn calibrate_cameras(
     config: &RefineConfig,
     progress: &Progress,
 ) -> Result<RigCalibration> {
-    if times.len() != frames.len() {
-        let expected = format!("one per frame ({})", frames.len());
-        return Err(Error::invalid("times", expected, times.len().to_string()));
-    }
-    if let Some(frame) = frames.iter().find(|frame| frame.n_views() != cameras.len()) {
-        let expected = format!("one view per camera ({})", cameras.len());
-        return Err(Error::invalid("detections", expected, format!("{} views", frame.n_views())));
-    }
+    check_filmed(frames, times, cameras.len())?;
     let placed = clocks.iter().flatten().count();
     if placed < 2 {
         let expected = "those of at least two cameras";
@@ -150,13 +143,24 @@ pub fn calibrate_cameras(
             frames: &used,
             times,
             part: None,
-            layout,
             unknown,
             lenses: Lenses { sigma: FOCAL_SIGMA, apart },
             distorted,
         };
-        task.solve(&start, progress)
+        task.solve(&start, layout, progress)
     })
+}
+
+pub(super) fn check_filmed(frames: &[Detections], times: &[usize], views: usize) -> Result<()> {
+    if times.len() != frames.len() {
+        let expected = format!("one per frame ({})", frames.len());
+        return Err(Error::invalid("times", expected, times.len().to_string()));
+    }
+    if let Some(frame) = frames.iter().find(|frame| frame.n_views() != views) {
+        let expected = format!("one view per camera ({views})");
+        return Err(Error::invalid("detections", expected, format!("{} views", frame.n_views())));
+    }
+    Ok(())
 }
 
 /// How well a rig fits.
@@ -227,7 +231,6 @@ struct Task<'a> {
     times: &'a [usize],
     /// Frames before a time, or from it on; `None`: all.
     part: Option<Part>,
-    layout: &'a Layout,
     unknown: Unknown,
     lenses: Lenses,
     /// Whether pixels are as lenses distort them.
@@ -235,7 +238,12 @@ struct Task<'a> {
 }
 
 impl Task<'_> {
-    fn solve(&self, start: &[Option<Placed>], progress: &Progress) -> Result<RigCalibration> {
+    fn solve(
+        &self,
+        start: &[Option<Placed>],
+        layout: &Layout,
+        progress: &Progress,
+    ) -> Result<RigCalibration> {
         let mut views: Vec<usize> = (0..start.len()).filter(|i| start[*i].is_some()).collect();
         let mut cameras: Vec<Placed> = start.iter().flatten().cloned().collect();
         cameras = self.adjusted(&views, cameras, FEW, WIDER, progress)?.cameras;
@@ -267,7 +275,7 @@ impl Task<'_> {
             None => task.other_lenses(&views, &rig, progress)?,
             kinds => kinds,
         };
-        let judged = task.judged(&views, &rig, lenses.as_ref());
+        let judged = task.judged(&views, &rig, lenses.as_ref(), layout);
         Ok(RigCalibration { cameras: self.report(&views, judged.cameras), moved, ..judged })
     }
 
@@ -322,15 +330,13 @@ impl Task<'_> {
         all
     }
 
-    /// Median length of the limb between two joints.
-    fn length(&self, points: &[Vector3<f64>], [a, b]: &[usize; 2]) -> f64 {
-        let each = points.chunks(self.layout.n_joints()).map(|pose| (pose[*a] - pose[*b]).norm());
-        median(each.filter(|length| length.is_finite()))
+    fn n_joints(&self) -> usize {
+        self.frames.first().map_or(0, Detections::n_joints)
     }
 
     /// The detections of some views.
     fn of_views(&self, views: &[usize]) -> Vec<Detections> {
-        let n = self.layout.n_joints();
+        let n = self.n_joints();
         let some = |frame: &Detections| {
             Detections::gathered(views.len(), n, |k, j| frame.get(views[k], j))
         };
@@ -340,7 +346,7 @@ impl Task<'_> {
     /// Frames in which at least two views see somebody.
     fn shared(&self, seen: &[Detections], cameras: &[Placed], most: usize) -> Vec<usize> {
         let scene = Scene::new(seen);
-        let n = self.layout.n_joints();
+        let n = self.n_joints();
         let sees =
             |t: usize, i: usize| (0..n).any(|j| scene.sight(t, i, j, &cameras[i], false).is_some());
         let enough = |t: &usize| (0..cameras.len()).filter(|i| sees(*t, *i)).count() >= 2;
@@ -399,6 +405,7 @@ impl Task<'_> {
         views: &[usize],
         rig: &Explanation,
         lenses: Option<&LensPosterior>,
+        layout: &Layout,
     ) -> RigCalibration {
         let fit = self.fit(views, &rig.cameras);
         let mut sureness = Sureness::of(rig);
@@ -420,7 +427,7 @@ impl Task<'_> {
             zoom: zooms[k],
         };
         let cameras = (0..views.len()).map(camera).collect();
-        let stature = self.stature(&fit.points);
+        let stature = stature_of(&fit.points, layout);
         RigCalibration { cameras, stature, joint_sigma, moved: None }
     }
 
@@ -466,21 +473,25 @@ impl Task<'_> {
         let of_cameras = cameras.iter().enumerate().map(of_camera).collect();
         Fit { frames: chosen, points, noise, of_cameras }
     }
+}
 
-    /// Stature by the population's proportions, and its standard error. Lengths are compared at the
-    /// size of people, whatever their scale.
-    fn stature(&self, points: &[Vector3<f64>]) -> [f64; 2] {
-        let proportions = proportions(self.layout);
-        let length = |p: &Proportion| self.length(points, &p.joints);
-        let rough = median(
-            proportions.iter().map(|p| length(p) / p.ratio).filter(|stature| stature.is_finite()),
-        );
-        let scale = STATURE[0] / rough;
-        let shown = |proportion: &Proportion| {
-            let length = scale * length(proportion);
-            let shown = Shown { proportion: *proportion, length, variance: 0.0 };
-            length.is_finite().then_some(shown)
-        };
-        stature(proportions.iter().filter_map(shown)).map(|mm| mm / scale)
-    }
+/// Stature by the population's proportions, and its standard error. Lengths are compared at the
+/// size of people, whatever their scale.
+fn stature_of(points: &[Vector3<f64>], layout: &Layout) -> [f64; 2] {
+    let proportions = proportions(layout);
+    let limb = |pose: &[Vector3<f64>], [a, b]: [usize; 2]| (pose[a] - pose[b]).norm();
+    let length = |p: &Proportion| {
+        let each = points.chunks(layout.n_joints()).map(|pose| limb(pose, p.joints));
+        median(each.filter(|length| length.is_finite()))
+    };
+    let rough = median(
+        proportions.iter().map(|p| length(p) / p.ratio).filter(|stature| stature.is_finite()),
+    );
+    let scale = STATURE[0] / rough;
+    let shown = |proportion: &Proportion| {
+        let length = scale * length(proportion);
+        let shown = Shown { proportion: *proportion, length, variance: 0.0 };
+        length.is_finite().then_some(shown)
+    };
+    stature(proportions.iter().filter_map(shown)).map(|mm| mm / scale)
 }

@@ -16,6 +16,8 @@ pub enum CameraStatus {
     Late,
     /// Its clock changes while it records: it stays.
     Unsteady,
+    /// It was moved while it recorded: it stays.
+    Knocked,
     /// It or another is wrong, which cannot be told.
     Doubtful,
     /// It sees too little to say, or is one of two cameras only, of which nothing tells which is
@@ -28,6 +30,7 @@ named!(CameraStatus {
     Adjusted: "adjusted",
     Late: "late",
     Unsteady: "unsteady",
+    Knocked: "knocked",
     Doubtful: "doubtful",
     Unseen: "unseen",
 });
@@ -38,11 +41,11 @@ pub struct CameraAdjustment {
     /// What became of it.
     pub status: CameraStatus,
     /// From the given camera to the adjusted one; to the supposed one of a late or doubtful camera,
-    /// which is not applied. Lengths in the unit of the cameras.
+    /// which is not applied, and to where one is that was moved meanwhile. Lengths in the unit of the cameras.
     pub change: Change,
     /// Error bars of the change; of a sound camera, how far off it may be all the same.
     pub bars: Bars,
-    /// The first frame of another clock, if it is unsteady.
+    /// The time from which on its clock or its place is another.
     pub since: Option<usize>,
     /// Median distance of its detections from where the other cameras place the joints, in frames
     /// that were left out, px: as given and as returned.

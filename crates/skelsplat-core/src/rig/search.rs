@@ -309,7 +309,7 @@ impl Scope<'_> {
     }
 
     /// The rig in which one more fault is corrected; `None` if the camera sees too little to say.
-    fn suppose(
+    pub fn suppose(
         &self,
         rig: &Explanation,
         view: usize,

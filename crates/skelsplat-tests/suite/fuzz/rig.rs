@@ -2,7 +2,7 @@
 
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
-use skelsplat_core::{Adjustable, Camera, Progress, RefineConfig, Unit, adjust_cameras};
+use skelsplat_core::{Adjustable, Camera, Filmed, Progress, RefineConfig, Unit, adjust_cameras};
 use skelsplat_tests::scenes::{Noise, noisy_detections, room, standing};
 
 use super::any::{Recording, any_recording, config, replaced, wrong};
@@ -48,7 +48,9 @@ proptest! {
     ) {
         let what = Adjustable { free: None, focal, clock };
         let (config, progress) = (RefineConfig::default(), Progress::default());
-        let found = adjust_cameras(&cameras, Unit::Millimetre, &seen, &what, &config, &progress);
+        let times: Vec<usize> = (0..seen.len()).collect();
+        let filmed = Filmed { frames: &seen, times: &times };
+        let found = adjust_cameras(&cameras, Unit::Millimetre, filmed, &what, &config, &progress);
         if let Ok(found) = found {
             // The same checks as for those of users.
             let made = |c: &Camera| Camera::new(&c.k(), c.rotation(), c.translation(), c.size());

@@ -10,10 +10,11 @@
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::{FEW, Fit, Part, Task, WIDER};
+use super::{FEW, Filmed, Fit, Part, Task, Unknown, WIDER};
 use crate::batch::Progress;
+use crate::camera::Camera;
 use crate::error::Result;
-use crate::rig::bundle::{PER_NOISE, unknowns};
+use crate::rig::bundle::{Lenses, PER_NOISE, unknowns};
 use crate::rig::evidence::{CHANGED, log_odds, turning_point};
 use crate::rig::gauge::moved;
 use crate::rig::placed::{Change, Placed};
@@ -35,6 +36,21 @@ const BEGINNINGS: [usize; 3] = [2, 1, 3];
 const DIVISIONS: usize = 4;
 /// and the part of the recording that the last one differs from the one before.
 const SETTLED: f64 = 0.02;
+
+/// The camera of a rig with known lenses that was moved while it recorded, and when; by these
+/// views.
+pub(in crate::rig) fn moved_camera(
+    rig: &[Placed],
+    Filmed { frames, times }: Filmed<'_>,
+    views: &[usize],
+    progress: &Progress,
+) -> Result<Option<(usize, usize)>> {
+    let given: Vec<Camera> = rig.iter().map(|placed| placed.camera.clone()).collect();
+    let cameras: Vec<Placed> = views.iter().map(|i| rig[*i].clone()).collect();
+    let (unknown, lenses) = (Unknown::default(), Lenses::CALIBRATED);
+    let task = Task { given: &given, frames, times, part: None, unknown, lenses, distorted: false };
+    task.moved(views, &cameras, progress)
+}
 
 impl Task<'_> {
     /// The camera that was moved while it recorded, and when: each part of the recording explains
