@@ -6,7 +6,7 @@
 //! of the first those in which all others move together. With W, the inverse of C₁ + C₂
 //! without g, A = Eᵢᵀ W Eᵢ and b = Eᵢᵀ W d, this explains t² = bᵀ (A + V⁻¹)⁻¹ b more. It happens
 //! with the probability ε, so that the logarithm of the odds is ln ε/(1−ε) + t²/2 − ½ ln |1 + A V|,
-//! with the tails of a t statistic in place of t²/2.
+//! with the tails of a t statistic in place of t²/2. δ is a turn, or a turn and a shift.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -23,6 +23,8 @@ use crate::rig::search::Explanation;
 
 /// Turn and shift.
 const PLACE: usize = 6;
+/// A turn alone.
+const TURN: usize = 3;
 /// Standard deviation of the turn of a camera that is knocked, rad, and of its shift, relative to
 /// its distance from the joints.
 const KNOCKED: [f64; 2] = [0.05, 0.05];
@@ -170,16 +172,20 @@ impl<'a> Difference<'a> {
                 DMatrix::from_fn(q, PLACE, |a, b| if a == PLACE * k + b { 1.0 } else { 0.0 })
             }
         };
-        let sigma = |k: usize| if k < 3 { KNOCKED[0] } else { KNOCKED[1] * reach };
-        let known = own.transpose() * &self.weight * &own;
+        let turned = self.explained(&own.columns(0, TURN).into_owned(), reach)?;
+        Some((CHANGED / (1.0 - CHANGED)).ln() + self.explained(&own, reach)?.max(turned))
+    }
+
+    /// How much more likely the difference is with these parameters of a camera.
+    fn explained(&self, own: &DMatrix<f64>, reach: f64) -> Option<f64> {
+        let sigma = |k: usize| if k < TURN { KNOCKED[0] } else { KNOCKED[1] * reach };
+        let mut wide = own.transpose() * &self.weight * own;
         let pull = own.transpose() * &self.weight * &self.change;
-        let mut wide = known;
-        (0..PLACE).for_each(|k| wide[(k, k)] += sigma(k).powi(-2));
+        (0..own.ncols()).for_each(|k| wide[(k, k)] += sigma(k).powi(-2));
         let factor = wide.cholesky()?;
-        let explained = pull.dot(&factor.solve(&pull));
-        let free: f64 = (0..PLACE).map(|k| (factor.l_dirty()[(k, k)] * sigma(k)).ln()).sum();
-        let prior = (CHANGED / (1.0 - CHANGED)).ln();
-        Some(prior + log_odds(explained.sqrt(), self.clusters) - free)
+        let t = pull.dot(&factor.solve(&pull)).sqrt();
+        let free = (0..own.ncols()).map(|k| (factor.l_dirty()[(k, k)] * sigma(k)).ln());
+        Some(log_odds(t, self.clusters) - free.sum::<f64>())
     }
 }
 
