@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hard import BODY, FPS, WRIST, WRISTS, exchanged, exercise, moved, still
-from hard import seen as detected
+from cases import BODY, FPS, WRIST, WRISTS, exchanged, exercise, moved, still
+from cases import seen as detected
 from scenarios import Scene
 
 import skelsplat as sk
