@@ -23,7 +23,7 @@ COMPILE := $(BIN)/python -m compileall -q -x /tests/ $(TIMED:%=$(VENV)/lib/pytho
 unexport PYTHONDONTWRITEBYTECODE
 
 # One more than there are cores, since tests wait for browsers and other programs; more than a few gain nothing.
-WORKERS = $(shell $(BIN)/python -c 'import os; print(min(8, os.cpu_count() + 1))')
+WORKERS = $(shell $(PYTHON) -c 'import os; print(min(8, (os.cpu_count() or 1) + 1))')
 PYTEST = $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist worksteal $(MARKS)
 
 .PHONY: demo test test-all machine fuzz fuzz-case docs fmt lint rust-lint sources-lint python-lint rust-test python-check \
