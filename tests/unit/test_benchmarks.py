@@ -79,7 +79,7 @@ def test_recordings_are_compared() -> None:
 
 
 def test_every_camera_of_the_sample_is_predicted_from_the_others() -> None:
-    _, corrected = run("leave_one_out")
+    (corrected,) = run("leave_one_out")
     assert len(corrected) == 12
     for view in range(1, 5):
         rows = [corrected[f"cam_0{view}, {name}"] for name in ("sequence", "frames")]
