@@ -153,7 +153,7 @@ def test_neither_a_period_nor_stillness_is_a_lag():
 
 
 @pytest.mark.parametrize(
-    ("name", "hz", "late"), [("squats", 2.0, 20), ("still", 0, 5), swept("curls", 1.0, 3)]
+    ("name", "hz", "late"), [("squats", 2.0, 20), swept("still", 0, 5), swept("curls", 1.0, 3)]
 )
 def test_a_lag_that_cannot_be_told_is_in_doubt_or_within_the_bar(name, hz, late):
     rng = np.random.default_rng(0)
