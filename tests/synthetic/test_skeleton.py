@@ -104,6 +104,21 @@ def test_walk_goes_where_the_body_faces_with_alternating_steps(seed):
     assert lead.min() < -400
 
 
+@pytest.mark.parametrize(
+    ("make", "target"),
+    [
+        *((make, (0, 0, 900)) for make in (synthetic.human36m_like, synthetic.dome, synthetic.stereo)),
+        (synthetic.table, (0, 0, 0)),
+    ],
+)
+def test_images_are_upright_and_centred_on_the_target(make, target):
+    for view in make():
+        there, above = sk.project(np.array(target) + [[0.0, 0.0, 0.0], [0.0, 0.0, 10.0]], [view])[0]
+        np.testing.assert_allclose(there, (np.array(view.size) - 1) / 2, atol=1e-9)
+        assert above[1] < there[1]
+        assert above[0] == pytest.approx(there[0], abs=1e-9)
+
+
 def test_look_at_without_an_upright_image_is_refused():
     with pytest.raises(sk.DegenerateGeometryError):
         synthetic.look_at((0, 0, 5), (0, 0, 0))
