@@ -113,7 +113,7 @@ def test_walk_goes_where_the_body_faces_with_alternating_steps(seed):
 )
 def test_images_are_upright_and_centred_on_the_target(make, target):
     for view in make():
-        there, above = sk.project(np.array(target) + [[0.0, 0.0, 0.0], [0.0, 0.0, 10.0]], [view])[0]
+        there, above = sk.project(np.array([target, np.add(target, (0, 0, 10))], float), [view])[0]
         np.testing.assert_allclose(there, (np.array(view.size) - 1) / 2, atol=1e-9)
         assert above[1] < there[1]
         assert above[0] == pytest.approx(there[0], abs=1e-9)
