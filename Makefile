@@ -22,8 +22,9 @@ COMPILE := $(BIN)/python -m compileall -q -x /tests/ $(TIMED:%=$(VENV)/lib/pytho
 # What a process has compiled the next one reads, also where the environment says otherwise, as images of containers do.
 unexport PYTHONDONTWRITEBYTECODE
 
-# As many as there are cores; more than a few gain nothing.
-PYTEST = $(BIN)/python -m pytest --numprocesses auto --maxprocesses 8 --dist worksteal $(MARKS)
+# One more than there are cores, since tests wait for browsers and other programs; more than a few gain nothing.
+WORKERS = $(shell $(PYTHON) -c 'import os; print(min(8, (os.cpu_count() or 1) + 1))')
+PYTEST = $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist worksteal $(MARKS)
 
 .PHONY: demo test test-all machine fuzz fuzz-case docs fmt lint rust-lint sources-lint python-lint rust-test python-check \
         python-test bench clean wheel sdist lock test-lowest package reproducible notices deny publish-check

@@ -1,16 +1,13 @@
 """Compare the accuracy of the solver with baselines; every subcommand prints one table.
 
-    python benchmarks/accuracy.py table [--poses 300] [--seed 0] [--fast] [--set field=value ...]
-
-`--set` changes a field of ``RefineConfig()`` (int, float, true/false, none, or text) and may be repeated.
+python benchmarks/accuracy.py table [--poses 300] [--seed 0] [--fast]
 """
 
 from __future__ import annotations
 
 import lab
-from measures.bars import angles, coverage, coverage_real, gaussian
+from measures.bars import angles, bias, coverage, coverage_human36m, coverage_real, gaussian
 from measures.errors import bones, swaps, table
-from measures.human36m import bias, coverage_human36m
 from measures.operating_room import mvor, mvor_people
 
 MEASURES = (

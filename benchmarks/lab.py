@@ -1,8 +1,8 @@
 """What the measuring programs share: options from signatures, tables on the terminal, times, the machine.
 
-A program is one or more functions with keyword arguments, which become its options: a tuple is one to repeat,
-`fields` is ``--set field=value``. They return or yield tables. Import this module first: it keeps the linear
-algebra of NumPy, SciPy and OpenCV on one core.
+A program is one or more functions with keyword arguments, which become its options; a tuple is one to repeat.
+They return or yield tables. Import this module first: it keeps the linear algebra of NumPy, SciPy and OpenCV
+on one core.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any, get_args, get_origin
+from typing import Any, get_args, get_origin
 
 if "numpy" not in sys.modules:
     libraries = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "NUMBA")
@@ -53,8 +53,6 @@ def _command(program: Program) -> Callable[..., None]:
 
     def command(**given: Any) -> None:
         as_json = given.pop("json")
-        if "fields" in given:
-            given["fields"] = dict(map(_field, given["fields"]))
         found = program(**given)
         tables = [found] if isinstance(found, Table) else found
         if as_json:
@@ -72,20 +70,7 @@ def _command(program: Program) -> Callable[..., None]:
 
 def _option(parameter: inspect.Parameter) -> inspect.Parameter:
     kind = parameter.annotation
-    if parameter.name == "fields":
-        return parameter.replace(annotation=Annotated[list[str], typer.Option("--set")], default=())
     return parameter.replace(annotation=list[get_args(kind)[0]]) if get_origin(kind) is tuple else parameter
-
-
-def _field(text: str) -> tuple[str, Any]:
-    """Split ``field=value``; the value is JSON, else text."""
-    field, equals, value = text.partition("=")
-    if not equals:
-        raise typer.BadParameter(f"expected field=value, got {text!r}")
-    try:
-        return field, json.loads(value)
-    except json.JSONDecodeError:
-        return field, value
 
 
 def show(table: Table) -> None:

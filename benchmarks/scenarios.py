@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +22,6 @@ from skelsplat.evaluation import methods
 from skelsplat.synthetic import DetectionNoise
 
 FloatArray = NDArray[np.float64]
-Fields = Mapping[str, Any]
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 CMU = DATA / "cmu_mocap" / "cmu_s01_to_s12_10hz.npz"
@@ -93,12 +91,10 @@ class Scene:
         config: sk.RefineConfig | None = None,
         *,
         init_sigma: float | FloatArray | None = None,
-        fields: Fields | None = None,
     ) -> sk.Refinement:
-        """Refine with ``RefineConfig()`` with `fields` changed, or another configuration."""
-        given = {"layout": self.layout, "init_sigma": init_sigma}
-        config = config or sk.RefineConfig(**(fields or {}))
-        return sk.refine(start, self.detections, self.rig, config=config, **given)
+        """Refine with ``RefineConfig()`` or another configuration."""
+        given = {"layout": self.layout, "init_sigma": init_sigma, "config": config}
+        return sk.refine(start, self.detections, self.rig, **given)
 
     def mpjpe(self, pose: FloatArray) -> float:
         """MPJPE in mm over the joints that at least two views detect."""

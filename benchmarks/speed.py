@@ -21,7 +21,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -38,9 +37,8 @@ from skelsplat.io import write_calibration
 
 FPS = 100.0
 FRAMES, PEOPLE_FRAMES, LONG, PIECE = 2000, 1000, 16_000, 4000
-DAY_FRAMES = 24 * 3600 * FPS
-# Of the paper's settings: calls of which the median counts, and poses of a batch.
-CALLS, BATCH = 15, 16
+# Of the paper's settings: calls of which the median counts.
+CALLS = 15
 # Of several people: people and views.
 SCENES = [(1, 4), (3, 4), (4, 5), (6, 8)]
 SCENES_FPS = 30.0
@@ -102,9 +100,7 @@ def ways(*, repeat: int = 5) -> Table:
         name: {"µs per pose": f"{us:.0f}", "poses per second and core": f"{1e6 / us:,.0f}"}
         for name, us in costs.items()
     }
-    hours = people_us(4, 8, repeat) * DAY_FRAMES / 3.6e9
-    note = f"a day of 8 cameras at {FPS:g} Hz with 4 people, `track`: {hours:.1f} core hours"
-    return Table.of("17 joints, 4 views", "way", rows, [note])
+    return Table.of("17 joints, 4 views", "way", rows)
 
 
 def growth(*, repeat: int = 5) -> Table:
@@ -145,9 +141,9 @@ def child(way: str, frames: int) -> None:
     """Refine frames, and print the largest resident set in MiB, with the paper's settings its increase."""
     before = 0.0
     if way == "paper":
-        by_paper(1000, 2, max_steps=0)()
+        by_paper(1000, max_steps=0)()
         before = lab.peak_mib()
-        by_paper(1000, frames)()
+        by_paper(1000)()
     else:
         rig, seen = recorded(1000)
         given = {"fps": FPS, "layout": "h36m17"}
@@ -198,44 +194,31 @@ def written(folder: Path, frames: int, rig: sk.CameraRig) -> np.ndarray:
 
 
 def paper() -> Table:
-    """Time the paper's settings, 17 joints, 4 views, all 125 steps; memory is of one refinement.
+    """Time the paper's settings, 17 joints, 4 views, all 125 steps, one core; memory is of one refinement.
 
     Times are the median of repeated calls of ``skelsplat.refine`` from Python, everything included; memory is
     the increase of the peak resident size, measured in a fresh process.
     """
-    usual = sk.RefineConfig.paper().stop_tolerance
-    batch, name = partial(by_paper, 1000, BATCH), f"batch of {BATCH}"
-
-    def ms(call: Callable[[], object], per: int = 1) -> str:
-        times = [lab.seconds(call) for _ in range(1 + CALLS)][1:]
-        return f"{1e3 * statistics.median(times) / per:.1f} ms"
-
-    rows = {
-        "one pose, 1000 × 1000 px, 125 steps, 1 core": (ms(by_paper(1000, 1)), "≤ 30 ms"),
-        "one pose, 4000 × 4000 px, 125 steps, 1 core": (ms(by_paper(4000, 1)), "as 1000 px"),
-        f"{name}, 125 steps, 1 core, per pose": (ms(batch(), BATCH), ""),
-        f"{name}, 125 steps, 2 cores, per pose": (ms(batch(n_threads=2), BATCH), ""),
-        f"{name}, early stopping, 1 core, per pose": (ms(batch(stop_tolerance=usual), BATCH), ""),
-        "closed form, 125 steps, per pose": (ms(batch(renderer="closed_form"), BATCH), ""),
-    }
+    rows = {}
+    for size, target in ((1000, "≤ 30 ms"), (4000, "as 1000 px")):
+        times = [lab.seconds(by_paper(size)) for _ in range(1 + CALLS)][1:]
+        rows[f"one pose, {size} × {size} px"] = (f"{1e3 * statistics.median(times):.1f} ms", target)
     rows["peak memory of one refinement"] = (f"{child_mib('paper', 1):.1f} MiB", "< 20 MB")
     return wanted("RefineConfig.paper(): 17 joints, 4 views (the paper reports about 3 s on a GPU)", rows)
 
 
-def by_paper(size: int, frames: int, **fields: object) -> partial[sk.Refinement]:
-    """Return the refinement of images of so many pixels as a call, without early stopping unless given."""
+def by_paper(size: int, **fields: object) -> partial[sk.Refinement]:
+    """Return the refinement of one pose in images of so many pixels as a call, without early stopping."""
     cameras = []
     for camera in synthetic.human36m_like():
         K = camera.K
         K[:2, 2] = (size - 1) / 2
         cameras.append(altered(camera, K=K, size=(size, size)))
-    rig, pose = sk.CameraRig(cameras), synthetic.motion("walk", frames, seed=0)
-    detections = sk.project(pose, rig).swapaxes(0, 1)
+    rig, pose = sk.CameraRig(cameras), synthetic.motion("walk", 1, seed=0)[0]
+    detections = sk.project(pose, rig)
     detections = detections + np.random.default_rng(0).normal(0, 3.0, detections.shape)
     start = synthetic.perturb(pose, 20.0, seed=1)
-    config = sk.RefineConfig.paper(**{"stop_tolerance": 0.0, "n_threads": 1, **fields})
-    if frames == 1:
-        start, detections = start[0], detections[0]
+    config = sk.RefineConfig.paper(stop_tolerance=0.0, n_threads=1, **fields)
     return partial(sk.refine, start, detections, rig, layout="h36m17", config=config)
 
 

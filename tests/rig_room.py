@@ -13,10 +13,10 @@ RIG = synthetic.human36m_like(distortion=True)
 LATE = 12  # frames that the numbers of cam2 are too high
 
 
-def write_room(top):
+def write_room(top, *only):
     """Write a walk of 5 s; in ``late`` cam2 is late and cam3 ends early, in ``other`` cam4 sees another.
 
-    In ``mixed`` it does in every fourth frame.
+    In ``mixed`` it does in every fourth frame. `only` are those that are written.
     """
     pace = np.cumsum(np.rint(4 + 3 * np.sin(np.cumsum(np.linspace(0.1, 0.3, 140))))).astype(int)
     seen = [
@@ -36,12 +36,11 @@ def write_room(top):
     rng = np.random.default_rng(0)
     still = seen[0][:1] + rng.normal(0, 8, seen[0][:1].shape) + rng.normal(0, 0.3, seen[0].shape)
     recordings = {"pose": seen[0], "late": late[LATE:], "other": other, "still": still, "short": late[:3]}
-    recordings["mixed"] = mixed
-    for name, detections in recordings.items():
-        files.openpose_folders(top / name, RIG, detections)
-    files.openpose_folders(top / "nobody", RIG, np.full((70, 4, 17, 2), np.nan))
-    files.openpose_folders(top / "two", sk.CameraRig(RIG[:2].cameras), seen[0][:, :2])
-    files.openpose_folders(top / "one", sk.CameraRig(RIG[:1].cameras), seen[0][:, :1])
-    for path in sorted((top / "late" / "cam3").iterdir())[-5:]:
+    recordings |= {"mixed": mixed, "nobody": np.full((70, 4, 17, 2), np.nan)}
+    recordings |= {"two": seen[0][:, :2], "one": seen[0][:, :1]}
+    for name in only or recordings:
+        rig = sk.CameraRig(RIG[: recordings[name].shape[1]].cameras)
+        files.openpose_folders(top / name, rig, recordings[name])
+    for path in sorted((top / "late" / "cam3").glob("*"))[-5:]:
         path.unlink()
     return top

@@ -1,18 +1,23 @@
-"""Error bars: how often errors lie within them, of positions and of angles."""
+"""Error bars of positions and angles, how often they hold; and how far a detector's joints are off."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import recordings
-from lab import Table, about
+from lab import ONE_THREAD, Table, about
 from recordings import CONDITIONS, Take
-from scenarios import NOISES, POSES, Fields, FloatArray, covered, mvor, scene
+from scenarios import NOISES, POSES, FloatArray, covered, mvor, scene
 
 import skelsplat as sk
-from skelsplat.evaluation.scores import offsets
+from skelsplat import datasets
+from skelsplat.datasets.hourglass import LIMBS
+from skelsplat.datasets.human36m import SUBJECTS
+from skelsplat.evaluation import protocols
+from skelsplat.evaluation.scores import in_body, offsets
 
 # Share of a Gaussian in three dimensions within 1, 2 and 3 standard deviations, in percent.
 IDEAL = np.array([19.9, 73.9, 97.1])
@@ -34,9 +39,16 @@ ANGLES = {
     "trunk": "trunk_inclination",
     "pelvis": "pelvis_obliquity",
 }
+# Of real Human3.6M.
+TRAINING = ("S1", "S5", "S6", "S7", "S8")
+LAYOUT = sk.layouts.H36M17
+CLASSES = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist", "pelvis", "neck")
+# To which the defaults are rounded.
+_STEP_MM = 5.0
+_MOST_MM = 500.0
 
 
-def coverage(*, poses: int = 300, seed: int = 0, fields: Fields | None = None) -> Table:
+def coverage(*, poses: int = 300, seed: int = 0) -> Table:
     """Coverage in percent at 1, 2, 3 σ, and errors."""
     rows = {}
     for name in ("good", "occluded 2"):
@@ -45,10 +57,9 @@ def coverage(*, poses: int = 300, seed: int = 0, fields: Fields | None = None) -
                 noise = replace(NOISES[name], sigma_px=factor * NOISES[name].sigma_px)
                 here = scene(noise, poses, seed, n_views=n_views)
                 where = f"{name}, {n_views}v, {noise.sigma_px:.1f}px"
-                result = here.refined(fields=fields)
+                result = here.refined()
                 inside = covered(result.pose, result.uncertainty, here.judged)
-                deviation = float(np.abs(np.array(list(inside.values())) - IDEAL).max())
-                rows[where] = inside | {"deviation": deviation, "MPJPE": here.mpjpe(result.pose)}
+                rows[where] = inside | {"MPJPE": here.mpjpe(result.pose)}
     notes = [
         "rows: detections, views, jitter",
         about(poses=poses, seed=seed, source=here.source),
@@ -56,36 +67,29 @@ def coverage(*, poses: int = 300, seed: int = 0, fields: Fields | None = None) -
     return Table.of("Coverage, % (ideal 19.9, 73.9, 97.1), and errors, mm", "detections", rows, notes)
 
 
-def coverage_real(
-    *, detector: str = "openpose", poses: int = 300, seed: int = 0, fields: Fields | None = None
-) -> Table:
+def coverage_real(*, detector: str = "openpose", poses: int = 300, seed: int = 0) -> Table:
     """Measure which percentage of errors scatter and error bar cover, on MVOR and in a simulation.
 
-    The labels' variance is added to every covariance. An offset is the mean error of a joint over all people;
-    taking it out uses the labels, and shows what remains beyond a constant difference of definition.
+    The labels' variance is added to every covariance.
     """
     here = scene(NOISES["good"], poses, seed, n_views=3)
-    rows = {"simulated, 3 views": _both(here.refined(fields=fields), here.judged, 0.0)}
+    rows = {"simulated, 3 views": _both(here.refined(), here.judged, 0.0)}
     real = mvor(detector)
-    result = real.refined(fields=fields)
+    result = real.refined()
     hips = np.array([name.endswith("hip") for name in sk.layouts.COCO17.joints])[:, None]
     seen = real.detected.sum(axis=1)[..., None]
     parts = {
         "all": real.judged,
         "without hips": np.where(hips, np.nan, real.judged),
         "three views": np.where(seen < 3, np.nan, real.judged),
-        "one view": np.where(seen == 1, real.truth, np.nan),
     }
     for name, truth in parts.items():
         rows[f"MVOR, {name}"] = _both(result, truth, LABEL_SIGMA_MM)
-        moved = truth + offsets(result.pose - truth)
-        rows[f"MVOR, {name}, offsets out"] = _both(result, moved, LABEL_SIGMA_MM)
     rows["MVOR, without hips, labels exact"] = _both(result, parts["without hips"], 0.0)
     notes = [
         f"ideal 19.9, 73.9, 97.1; labels of MVOR: {LABEL_SIGMA_MM:g} mm per axis, added to the covariances",
         _label_scatter(real.truth),
         "the simulated detector has no systematic error, so the error bar is too wide there",
-        "offsets out: the mean error of each joint, which only the labels show, is subtracted",
         about(poses=poses, seed=seed, source=real.source),
     ]
     return Table.of("Coverage of scatter and error bar, %", "", rows, notes)
@@ -112,10 +116,10 @@ def _both(result: sk.Refinement, truth: FloatArray, label_sigma_mm: float) -> di
     return inside | {"joints": int(np.isfinite(error).sum()), "MPJPE": float(np.nanmean(error))}
 
 
-def gaussian(*, poses: int = 200, seed: int = 0, fields: Fields | None = None) -> Table:
-    """MPJPE in mm of DLT with confidence and of the default, their ratio, and coverage of the error bars.
+def gaussian(*, poses: int = 200, seed: int = 0) -> Table:
+    """MPJPE in mm of DLT with confidence and of the default, and their ratio.
 
-    Independent normal noise on both axes; every confidence is 1. Coverage is of the joints that are ok.
+    Independent normal noise on both axes; every confidence is 1.
     """
     rows = {}
     for n_views, sigma in product((2, *VIEWS), SIGMAS_PX):
@@ -123,21 +127,16 @@ def gaussian(*, poses: int = 200, seed: int = 0, fields: Fields | None = None) -
         pixels = np.moveaxis(sk.project(here.truth, here.rig), 0, 1)
         pixels += sigma * np.random.default_rng(seed).standard_normal(pixels.shape)
         here = replace(here, detections=np.insert(pixels, 2, 1.0, axis=-1))
-        result = here.refined(fields=fields)
-        plain, ours = here.mpjpe(here.solved("dlt-confidence")), here.mpjpe(result.pose)
-        ok = result.joint_status == "ok"
+        plain = here.mpjpe(here.solved("dlt-confidence"))
+        ours = here.mpjpe(here.refined().pose)
         row = {"DLT conf.": plain, "default": ours, "ratio": round(ours / plain, 3)}
-        row |= covered(result.pose, result.uncertainty, np.where(ok[..., None], here.judged, np.nan))
-        row |= {"ok, %": 100 * float(ok.mean()), "noise": float(np.median(result.noise))}
         rows[f"{n_views} views, {sigma:.0f} px"] = row
     worst = max(row["ratio"] for row in rows.values())
     notes = [f"largest ratio: {worst:.3f}", about(poses=poses, seed=seed, source=POSES)]
-    return Table.of("Gaussian noise: MPJPE, mm, and coverage, %", "noise", rows, notes)
+    return Table.of("Gaussian noise: MPJPE, mm", "noise", rows, notes)
 
 
-def angles(
-    *, takes: int = 24, frames: int = 200, seed: int = 0, fast: bool = False, fields: Fields | None = None
-) -> Table:
+def angles(*, takes: int = 24, frames: int = 200, seed: int = 0, fast: bool = False) -> Table:
     """Mean absolute errors in degrees, frame by frame and over time, and coverage at 1, 2, 3 σ in percent.
 
     At most `frames` of each of `takes` recordings at 30 Hz in four views, without confidences; with `fast`
@@ -148,7 +147,7 @@ def angles(
         given = {"count": 3 if fast else takes, "most_frames": frames, "seed": seed}
         found = recordings.takes(condition, confidence=False, **given)
         for name, over_time in (("single", False), ("over time", True)):
-            solved = [_angles(take, over_time, fields) for take in found]
+            solved = [_angles(take, over_time) for take in found]
             names = solved[0][0].names
             error, sigma = (np.concatenate(parts) for parts in list(zip(*solved, strict=True))[1:])
             true = np.concatenate([one.degrees for one, *_ in solved])
@@ -173,15 +172,13 @@ def angles(
     return Table.of(title, "detections", rows, notes)
 
 
-def _angles(
-    take: Take, over_time: bool, fields: Fields | None
-) -> tuple[sk.JointAngles, FloatArray, FloatArray]:
+def _angles(take: Take, over_time: bool) -> tuple[sk.JointAngles, FloatArray, FloatArray]:
     """Return the true angles of a take, the errors and the standard deviations (T, A), in degrees."""
     scene, result = take.scene, None
     if over_time:
-        given = {"fps": take.fps, "layout": scene.layout, "config": sk.RefineConfig(**(fields or {}))}
+        given = {"fps": take.fps, "layout": scene.layout}
         result = sk.refine_sequence(scene.detections, scene.rig, **given)
-    result = result or scene.refined(fields=fields)
+    result = result or scene.refined()
     found = sk.joint_angles(result, layout=scene.layout, uncertainty=result.uncertainty)
     true = sk.joint_angles(scene.truth, layout=scene.layout)
     error = (found.degrees - true.degrees + 180.0) % 360.0 - 180.0
@@ -190,3 +187,108 @@ def _angles(
             aside = np.cos(np.radians(true[name.replace("flexion", "abduction")])) < SIDEWAYS
             error[aside, k] = np.nan
     return true, error, found.sigma
+
+
+def coverage_human36m(*, folder: Path, every: int = 64) -> Table:
+    """Measure which percentage of errors scatter and error bar cover, frame by frame and over time.
+
+    Arms and legs of S9 and S11; `folder` is what ../shared/tools/h36m_hourglass.py wrote.
+    """
+    rows: dict[str, dict[str, float | None]] = {}
+    data = datasets.read("human36m-hourglass", folder)
+    cases = protocols.get(data.name).with_options(every=every).cases(data)
+    for over_time in (False, True):
+        how = "over time" if over_time else "frame by frame"
+        solved = [_solved(case, over_time) for case in cases if case.absolute]
+        subjects = np.concatenate([[case.take.subject] * len(case.take) for case in cases if case.absolute])
+        pose, truth, scatter, bar = (np.concatenate(part) for part in zip(*solved, strict=True))
+        limbs = np.isin(LAYOUT.joints, LIMBS)
+        groups = {who: (subjects == who)[:, None] & limbs for who in SUBJECTS}
+        groups["both"] = np.broadcast_to(limbs, pose.shape[:2])
+        parts = {kind: np.char.endswith(LAYOUT.joints, kind) & limbs for kind in CLASSES[:6]}
+        groups |= {kind: np.broadcast_to(chosen, pose.shape[:2]) for kind, chosen in parts.items()}
+        for name, chosen in groups.items():
+            judged = np.where(chosen[..., None], truth, np.nan)
+            inside = covered(pose, scatter, judged, "scatter ") | covered(pose, bar, judged, "bar ")
+            error = np.linalg.norm(pose - judged, axis=-1)
+            rows[f"{how}, {name}"] = inside | {"mean mm": float(np.nanmean(error))}
+    return Table.of("Human3.6M, real: coverage, % (ideal 19.9, 73.9, 97.1), arms and legs", "", rows)
+
+
+def _solved(case: protocols.Case, over_time: bool) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return poses and truth (T, N, 3) of a case, its scatter and its error bars (T, N, 3, 3)."""
+    take, rows = case.given(over_time), case.rows if over_time else None
+    given = {"layout": LAYOUT, "config": ONE_THREAD}
+    assert take.detections is not None
+    if over_time:
+        assert take.fps is not None
+        found = sk.refine_sequence(take.detections, take.rig, fps=take.fps, **given)
+    else:
+        found = sk.refine(None, take.detections, take.rig, **given)
+    keep = slice(None) if rows is None else rows
+    return found.pose[keep], case.take.truth, found.uncertainty[keep], found.error_bar[keep]
+
+
+def bias(*, folder: Path, every: int = 32) -> Table:
+    """Measure how far the detector's joints are from those of the motion capture, on S1 and S5 to S8.
+
+    distance: √3 times the standard deviation per axis that makes 2 σ cover 73.9 % of the errors; offset: of
+    the mean error of each person's joint in the frame of the body: its length, and its parts. MVOR: the
+    distance there, with OpenPose and the labels' variance added to the scatter, and the offset over all.
+    """
+    data = datasets.read("human36m-hourglass", folder, subjects=TRAINING)
+    error, scatter, body, people = [], [], [], []
+    for take in data:
+        some = take.select(slice(0, None, every))
+        assert some.detections is not None
+        found = sk.refine(None, some.detections, some.rig, layout=LAYOUT, config=ONE_THREAD)
+        error.append(found.pose - some.truth)
+        scatter.append(found.uncertainty)
+        body.append(in_body(error[-1], some.truth, LAYOUT))
+        people += [take.subject] * len(some)
+    whose = np.array(people)
+    errors, covariances, turned = (np.concatenate(part) for part in (error, scatter, body))
+    means = np.stack([offsets(turned[whose == who]) for who in TRAINING])
+    means[..., 0] *= np.where(np.char.startswith(LAYOUT.joints, "right"), -1.0, 1.0)
+    rows = {}
+    for kind in CLASSES:
+        chosen = np.flatnonzero(np.char.endswith(LAYOUT.joints, kind))
+        each = np.linalg.norm(errors[:, chosen], axis=-1)
+        distance = _distance(errors[:, chosen], covariances[:, chosen])
+        left, ahead, up = means[:, chosen].mean(axis=(0, 1)).tolist()
+        rows[kind] = {
+            "distance": distance,
+            f"to {_STEP_MM:g} mm": _STEP_MM * round(distance / _STEP_MM),
+            "median error": float(np.nanmedian(each)),
+            "offset": float(np.linalg.norm(means[:, chosen], axis=-1).mean()),
+            "outwards": left,
+            "ahead": ahead,
+            "up": up,
+        }
+    real = mvor()
+    found = real.refined(config=ONE_THREAD)
+    labels, joints = LABEL_SIGMA_MM**2 * np.eye(3), sk.layouts.COCO17.joints
+    shoulders = real.judged[:, np.char.endswith(joints, "shoulder")]
+    whole = np.concatenate([real.judged, shoulders.mean(axis=1, keepdims=True)], axis=1)
+    turned = in_body(found.pose - real.judged, whole, sk.layouts.from_names("coco18", (*joints, "neck")))
+    turned[..., 0] *= np.where(np.char.startswith(joints, "right"), -1.0, 1.0)
+    for kind in CLASSES:
+        chosen = np.char.endswith(joints, kind)
+        missed = (found.pose - real.judged)[:, chosen]
+        if np.isfinite(missed).any():
+            rows[kind]["MVOR"] = _distance(missed, found.uncertainty[:, chosen] + labels)
+            rows[kind]["MVOR offset"] = float(np.linalg.norm(offsets(turned[:, chosen].reshape(-1, 1, 3))))
+    return Table.of("Human3.6M, real: joints of the detector against the motion capture, mm", "joint", rows)
+
+
+def _distance(error: FloatArray, scatter: FloatArray) -> float:
+    """Return √3 times the standard deviation per axis beyond the scatter with which 2 σ cover 73.9 %."""
+    known = np.isfinite(error).all(axis=-1) & np.isfinite(scatter).all(axis=(-2, -1))
+    values, axes = np.linalg.eigh(scatter[known])
+    along = np.einsum("kij,ki->kj", axes, error[known])
+    low, high = 0.0, _MOST_MM
+    while high - low > 0.01:
+        middle = (low + high) / 2
+        inside = (along**2 / (values + middle**2)).sum(axis=-1) <= 4.0
+        low, high = (low, middle) if 100 * inside.mean() >= IDEAL[1] else (middle, high)
+    return float(np.sqrt(3.0) * high)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections import Counter
-
 import numpy as np
 from lab import Table, about
 from numpy.typing import NDArray
-from scenarios import Fields, FloatArray, Scene, Stills, missing, mvor_stills
+from scenarios import FloatArray, Stills, missing, mvor_stills
 from scenarios import mvor as mvor_scene
 
 import skelsplat as sk
@@ -23,7 +21,7 @@ Everybody = list[list[tuple[FloatArray, NDArray[np.int64] | None]]]
 """Per frame the poses (17, 3) of people, and which detection of each view (3,) they are made of."""
 
 
-def mvor(*, detector: str = "openpose", fast: bool = False, fields: Fields | None = None) -> Table:
+def mvor(*, detector: str = "openpose", fast: bool = False) -> Table:
     """Mean, median, 90th percentile and share of gross errors; `fast` omits methods that take seconds."""
     here = mvor_scene(detector)
     names = ("dlt-confidence", "ransac-iskakov", "ransac-adafuse", "ransac", "cauchy")
@@ -31,53 +29,38 @@ def mvor(*, detector: str = "openpose", fast: bool = False, fields: Fields | Non
     if not fast:
         config = sk.RefineConfig.paper()
         found["paper, from dlt-confidence"] = here.refined(found["dlt-confidence"], config).pose
-    found["default"] = here.refined(fields=fields).pose
+    found["default"] = here.refined().pose
     joints = int(np.isfinite(here.judged).all(axis=-1).sum())
     notes = [
         *missing(found, here, "MVOR"),
         "labels are good to about ±50 mm",
         about(people=len(here.truth), joints=joints, source=here.source),
     ]
-    return Table.of("MVOR, mm", "method", {name: _errors(pose, here) for name, pose in found.items()}, notes)
+    rows = {}
+    for name, pose in found.items():
+        each = sk.metrics.mpjpe(pose, here.judged, reduce="none")
+        known = each[np.isfinite(each)]
+        rows[name] = {
+            "mean": float(known.mean()),
+            "median": float(np.median(known)),
+            "90 %": float(np.percentile(known, 90)),
+            f"> {GROSS_MM:.0f} mm, %": float(100 * (known > GROSS_MM).mean()),
+        }
+    return Table.of("MVOR, mm", "method", rows, notes)
 
 
-def _gross(each: FloatArray) -> float:
-    """Share of the errors (…) above `GROSS_MM`, %."""
-    known = each[np.isfinite(each)]
-    return float(100 * (known > GROSS_MM).mean())
-
-
-def _errors(pose: FloatArray, here: Scene) -> dict[str, float]:
-    each = sk.metrics.mpjpe(pose, here.judged, reduce="none")
-    known = each[np.isfinite(each)]
-    hip = np.array(["hip" in joint for joint in sk.layouts.get(here.layout).joints])
-    by_three = each[np.isfinite(each) & (here.detected.sum(axis=1) == 3)]
-    return {
-        "mean": float(known.mean()),
-        "median": float(np.median(known)),
-        "90 %": float(np.percentile(known, 90)),
-        f"> {GROSS_MM:.0f} mm, %": _gross(each),
-        "hips": _gross(each[:, hip]),
-        "others": _gross(each[:, ~hip]),
-        "mean, 3 views": float(by_three.mean()),
-        "median, 3 views": float(np.median(by_three)),
-    }
-
-
-def mvor_people(*, fields: Fields | None = None) -> Table:
+def mvor_people() -> Table:
     """Measure how many people are found on MVOR, still by still, and their errors with and without an oracle.
 
     Precision counts who is near a labelled person. People without a label in space may still have boxes in
-    the images: "confirmed" also counts those of whom two views' detections lie in the boxes of one person;
-    "mixed" have detections of two people, and the rest has fewer than two detections in any box.
+    the images: "mixed" are those nobody labelled is near who have detections of two people, one of each.
     """
-    config = sk.RefineConfig(**(fields or {}))
     rows, people = {}, {}
     for detector in DETECTORS:
         stills = mvor_stills(detector)
         people[detector] = int(((stills.match >= 0).sum(axis=-1) >= 2).sum())
-        known = _oracle(stills, config)
-        rows[f"{detector}, track"] = _scores(stills, _tracked(stills, config), known)
+        known = _oracle(stills)
+        rows[f"{detector}, track"] = _scores(stills, _tracked(stills), known)
         found: Everybody = [
             [(pose, None) for pose in frame] for frame in affinity.found(stills.people, stills.cameras)
         ]
@@ -92,22 +75,19 @@ def mvor_people(*, fields: Fields | None = None) -> Table:
     return Table.of("MVOR, several people", "detector, method", rows, notes)
 
 
-def _oracle(stills: Stills, config: sk.RefineConfig) -> FloatArray:
+def _oracle(stills: Stills) -> FloatArray:
     """Poses (7, F, 17, 3) of labelled people from their own detections: joints that two views detect."""
     frame, person, detections = stills.seen()
     out = np.full((*stills.match.shape[:2], 17, 3), np.nan)
-    pose = sk.refine(None, detections, stills.cameras, layout="coco17", config=config).pose
+    pose = sk.refine(None, detections, stills.cameras, layout="coco17").pose
     pose[(detections[..., 2] > 0).sum(axis=1) < 2] = np.nan
     out[frame, person] = pose
     return out.swapaxes(0, 1)
 
 
-def _tracked(stills: Stills, config: sk.RefineConfig) -> Everybody:
+def _tracked(stills: Stills) -> Everybody:
     """Run `sk.track` on every frame by itself."""
-    frames = [
-        sk.track(frame[None], stills.cameras, fps=1.0, layout="coco17", config=config)
-        for frame in stills.people
-    ]
+    frames = [sk.track(frame[None], stills.cameras, fps=1.0, layout="coco17") for frame in stills.people]
     return [[(one.refinement.pose[0], one.slots[0]) for one in frame] for frame in frames]
 
 
@@ -123,36 +103,28 @@ def _scores(stills: Stills, found: Everybody, known: FloatArray) -> dict[str, fl
         np.linalg.norm(pose - truth[person, frame], axis=-1) for pose in (own, known[person, frame])
     )
     both = np.isfinite(error) & np.isfinite(least)
-    kinds = _kinds(stills, found, every.matched)
-    total = sum(map(len, found))
-    confirmed = kinds["labelled"] + kinds["confirmed"]
+    mixed, total = _mixed(stills, found, every.matched), sum(map(len, found))
     return {
         "people": total,
         "recall %": 100 * judged.recall,
         "precision %": 100 * every.precision,
-        "confirmed %": 100 * confirmed / total if kinds["confirmed"] else None,
-        "mixed %": 100 * kinds["mixed"] / total if kinds["confirmed"] else None,
+        "mixed %": None if mixed is None else 100 * mixed / total,
         "mean mm": float(error[both].mean()),
         "oracle": float(least[both].mean()),
-        "median": float(np.median(error[both])),
-        "oracle ": float(np.median(least[both])),
     }
 
 
-def _kinds(stills: Stills, found: Everybody, matched: NDArray[np.int64]) -> Counter[str]:
-    """Count the estimates that are near a labelled person, and of the others what their detections show."""
-    out: Counter[str] = Counter()
+def _mixed(stills: Stills, found: Everybody, matched: NDArray[np.int64]) -> int | None:
+    """Count estimates near nobody labelled with detections of two people, one of each; None if unknown."""
+    count, known = 0, False
     for f, frame in enumerate(found):
         near = set(matched[:, f].tolist())
-        for k, (_, slots) in enumerate(frame):
-            if k in near:
-                out["labelled"] += 1
-            elif slots is not None:
-                whose = [_boxed(stills, f, view, slot) for view, slot in enumerate(slots) if slot >= 0]
-                counts = Counter(one for one in whose if one is not None).most_common()
-                twice = bool(counts) and counts[0][1] >= 2
-                out["confirmed" if twice else "mixed" if len(counts) > 1 else "open"] += 1
-    return out
+        for slots in (slots for k, (_, slots) in enumerate(frame) if k not in near and slots is not None):
+            whose = [_boxed(stills, f, view, slot) for view, slot in enumerate(slots) if slot >= 0]
+            people = [one for one in whose if one is not None]
+            count += len(people) == len(set(people)) > 1
+            known = True
+    return count if known else None
 
 
 def _boxed(stills: Stills, frame: int, view: int, slot: int) -> int | None:

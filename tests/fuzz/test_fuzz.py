@@ -20,7 +20,7 @@ from skelsplat.io.poses import READ
 from takes import hand_made
 
 
-@pytest.mark.parametrize(("area", "seed", "cases"), [("readers", 2, 15), ("arrays", 1, 60)])
+@pytest.mark.parametrize(("area", "seed", "cases"), [("readers", 2, 10), ("arrays", 1, 30)])
 def test_a_seeded_round_finds_nothing(area: str, seed: int, cases: int, tmp_path: Path) -> None:
     found = hunt(area, seed, range(cases), tmp_path)
     assert found.total() == cases

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hard import BODY, FPS, WRIST, WRISTS, exchanged, exercise, moved, still
-from hard import seen as detected
+from cases import BODY, FPS, WRIST, WRISTS, exchanged, exercise, moved, still
+from cases import seen as detected
 from scenarios import Scene
 
 import skelsplat as sk
@@ -153,7 +153,7 @@ def test_neither_a_period_nor_stillness_is_a_lag():
 
 
 @pytest.mark.parametrize(
-    ("name", "hz", "late"), [("squats", 2.0, 20), ("still", 0, 5), swept("curls", 1.0, 3)]
+    ("name", "hz", "late"), [("squats", 2.0, 20), swept("still", 0, 5), swept("curls", 1.0, 3)]
 )
 def test_a_lag_that_cannot_be_told_is_in_doubt_or_within_the_bar(name, hz, late):
     rng = np.random.default_rng(0)

@@ -1,4 +1,4 @@
-"""Joint angles: against poses built from angles, central differences, and Pose2Sim's and Sports2D's own."""
+"""Joint angles: against poses built from angles, and central differences."""
 
 from __future__ import annotations
 
@@ -135,40 +135,6 @@ def test_the_world_may_be_turned_moved_and_scaled() -> None:
     np.testing.assert_allclose(there.degrees, here.degrees, atol=1e-7)
     np.testing.assert_allclose(there.sigma, here.sigma, rtol=1e-7)
     np.testing.assert_array_equal(angles(pose[:, [0, 2, 1]] * [1, -1, 1], up="-y").names, here.names)
-
-
-# other projects' definitions, from what their documentation and tables of angles state
-
-
-def wrapped(degrees: float) -> float:
-    return (degrees + 180.0) % 360.0 - 180.0
-
-
-def test_in_3d_they_are_those_of_pose2sim() -> None:
-    """Pose2Sim's angles in 3D have no sign; those of hips and shoulders combine flexion and abduction."""
-
-    def degrees(a: Array, b: Array) -> float:
-        return float(np.degrees(np.arccos(a @ b / np.linalg.norm(a) / np.linalg.norm(b))))
-
-    for seed in range(20):
-        pose = random_pose(seed)
-        hip, neck = (
-            (pose[PLACE[f"left_{name}"]] + pose[PLACE[f"right_{name}"]]) / 2 for name in ("hip", "shoulder")
-        )
-        found = angles(pose)
-        for side in SIDES:
-            at = {name: pose[PLACE[f"{side}_{name}"]] for name in STANDING}
-            knee = abs(wrapped(degrees(at["ankle"] - at["knee"], at["hip"] - at["knee"]) - 180))
-            assert found[f"{side}_knee_flexion"] == pytest.approx(knee)
-            elbow = abs(wrapped(degrees(at["wrist"] - at["elbow"], at["shoulder"] - at["elbow"]) + 180))
-            assert found[f"{side}_elbow_flexion"] == pytest.approx(elbow)
-            foot = wrapped(degrees(at["ankle"] - at["knee"], at["heel"] - at["big_toe"]) + 90)
-            ours = float(found[f"{side}_ankle_dorsiflexion"])
-            assert wrapped(180 - foot - ours) == pytest.approx(0.0, abs=1e-6)
-            for joint, end in (("hip", "knee"), ("shoulder", "elbow")):
-                theirs = degrees(at[joint] - at[end], neck - hip)
-                both = [np.radians(found[f"{side}_{joint}_{kind}"]) for kind in ("flexion", "abduction")]
-                assert np.degrees(np.arccos(np.cos(both).prod())) == pytest.approx(theirs)
 
 
 # error bars

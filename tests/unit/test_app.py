@@ -82,7 +82,7 @@ def server(root):
 @pytest.fixture(scope="module")
 def context(browser, server):
     """Open the printed address once: its key becomes the cookie of all tabs."""
-    opened = browser.new_context(viewport={"width": 1000, "height": 800})
+    opened = browser.new_context()
     opened.set_default_timeout(PATIENCE_MS)
     page = opened.new_page()
     page.goto(server.address)
@@ -91,15 +91,22 @@ def context(browser, server):
     return opened
 
 
+@pytest.fixture(scope="module")
+def tabs():
+    """Keep the tabs that a test has left: opening one takes longest."""
+    return []
+
+
 @pytest.fixture
-def visit(context, server):
+def visit(context, server, tabs):
     """Open pages in tabs; fail in the end if one complained, or asked another site for anything."""
     own = re.compile(rf"(http|ws)://127\.0\.0\.1:{server.port}/|data:|blob:")
     complaints, pages = [], []
 
     def open_page(path="/"):
-        page = context.new_page()
+        page = tabs.pop() if tabs else context.new_page()
         pages.append(page)
+        page.set_viewport_size({"width": 1000, "height": 800})
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.on("request", lambda asked: own.match(asked.url) or complaints.append(asked.url))
         page.goto(f"http://127.0.0.1:{server.port}{path}")
@@ -108,8 +115,7 @@ def visit(context, server):
         return page
 
     yield open_page
-    for page in pages:
-        page.close()
+    tabs.extend(pages)
     assert complaints == []
 
 

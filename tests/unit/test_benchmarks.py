@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import json
 import re
 import runpy
@@ -14,7 +13,6 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-import accuracy
 import numpy as np
 import pytest
 import recordings
@@ -22,16 +20,11 @@ import reproducing
 import typer.main
 from typer.testing import CliRunner
 
-from skelsplat import metrics, synthetic
 from skelsplat.cli import app
-from skelsplat.evaluation.baselines import affinity
 from skelsplat.evaluation.reported import labels, reported
-from skelsplat.evaluation.tables import Table
 from writers import human36m
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
-MEASURES = {measure.__name__: measure for measure in accuracy.MEASURES}
-FEW = 12
 
 
 def run(name: str, *arguments: object) -> list[dict[str, dict[str, Any]]]:
@@ -50,23 +43,24 @@ def cells(table: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     return {row["name"]: dict(zip(heads, row["cells"], strict=True)) for row in table["rows"]}
 
 
-def measured(name: str, **options: Any) -> dict[str, dict[str, Any]]:
-    """Measure with those of the options that there are, and print at most 110 characters wide."""
-    known = inspect.signature(MEASURES[name]).parameters
-    table = MEASURES[name](**{option: value for option, value in options.items() if option in known})
-    assert isinstance(table, Table)
-    heads = [column.header for column in table.columns]
-    return {row.name: dict(zip(heads, row.cells, strict=True)) for row in table.rows}
+FEW = ["--poses", 12]
 
 
-@pytest.mark.parametrize("name", ["angles", "table", "bones", "coverage", "gaussian", "swaps"])
-def test_every_measure_gives_a_table(name: str) -> None:
-    assert measured(name, poses=FEW, fast=True)
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("angles", ["--fast"]),
+        ("table", [*FEW, "--fast"]),
+        *((name, FEW) for name in ("bones", "coverage", "gaussian", "swaps")),
+    ],
+)
+def test_every_measure_gives_a_table(name: str, options: list[object]) -> None:
+    assert all(run("accuracy", name, *options))
 
 
 def test_error_bars_on_human36m_are_measured(tmp_path: Path) -> None:
     human36m.write_hourglass(tmp_path, human36m.record())
-    found = measured("coverage_human36m", folder=tmp_path, every=2)
+    (found,) = run("accuracy", "coverage_human36m", tmp_path, "--every", 2)
     for how in ("frame by frame", "over time"):
         assert found[f"{how}, both"]["mean mm"] < 20.0
         assert found[f"{how}, both"]["bar 3 σ"] == 100.0
@@ -85,7 +79,7 @@ def test_recordings_are_compared() -> None:
 
 
 def test_every_camera_of_the_sample_is_predicted_from_the_others() -> None:
-    _, corrected = run("leave_one_out")
+    (corrected,) = run("leave_one_out")
     assert len(corrected) == 12
     for view in range(1, 5):
         rows = [corrected[f"cam_0{view}, {name}"] for name in ("sequence", "frames")]
@@ -100,19 +94,6 @@ def test_people_are_compared() -> None:
     assert found["oracle"]["prec."] == found["oracle"]["rec."] == 100
     assert found["affinity"]["rec."] > 80
     assert found["oracle"]["MPJPE"] < found["affinity"]["MPJPE"]
-
-
-def test_affinity_is_exact_on_exact_detections_and_finds_nobody_in_one_view() -> None:
-    rig, exact = synthetic.ring(4, radius_mm=4500.0), synthetic.DetectionNoise(sigma_px=0.0)
-    crowding = synthetic.Crowding.none()
-    scene = synthetic.simulate_scene(3, rig, n_frames=160, noise=exact, crowding=crowding, seed=2)
-    tracks = affinity.track(scene.people, scene.cameras, fps=scene.fps)
-    scores = metrics.track_scores(tracks, scene.truth, optional=scene.optional())
-    assert (scores.precision, scores.recall, scores.idf1, scores.identity_switches) == (1, 1, 1, 0)
-    assert scores.mpjpe_mm < 1e-3
-    alone = scene.people.copy()
-    alone[:, 1:] = np.nan
-    assert affinity.track(alone, rig, fps=30.0) == []
 
 
 @pytest.mark.skipif(not recordings.CMU_30HZ.is_file(), reason=f"people stay without {recordings.CMU_30HZ}")

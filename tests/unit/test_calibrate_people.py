@@ -14,7 +14,7 @@ from skelsplat._world import mean_size
 from skelsplat.exceptions import DegenerateGeometryError
 
 RIG = synthetic.ring(4, radius_mm=4500.0)
-LAYOUT, FRAMES, FPS = "h36m17", 90, 15.0
+LAYOUT, FRAMES, FPS = "h36m17", 60, 15.0
 ONE_THREAD = sk.RefineConfig(n_threads=1)
 
 
@@ -27,13 +27,15 @@ def scene(*, bystander: bool = False, frames: int = FRAMES) -> synthetic.Scene:
 
 
 def calibrated(people: np.ndarray, **given: object) -> sk.RigCalibration:
-    return sk.calibrate_cameras(people, list(RIG), layout=LAYOUT, fps=FPS, config=ONE_THREAD, **given)
+    rig = list(RIG)[: people.shape[1]]
+    return sk.calibrate_cameras(people, rig, layout=LAYOUT, fps=FPS, config=ONE_THREAD, **given)
 
 
 def off(found: sk.RigCalibration) -> float:
     """Return the largest difference of two cameras' distance from the true one, relative to it."""
-    assert found.cameras.names == RIG.names
-    a, b = (np.stack([np.asarray(camera.centre) for camera in rig]) for rig in (found.cameras, RIG))
+    true = list(RIG)[: len(found.report)]
+    assert found.cameras.names == tuple(camera.name for camera in true)
+    a, b = (np.stack([np.asarray(camera.centre) for camera in rig]) for rig in (found.cameras, true))
     pairs = np.triu_indices(len(a), 1)
     ratio = np.linalg.norm(a[:, None] - a, axis=2)[pairs] / np.linalg.norm(b[:, None] - b, axis=2)[pairs]
     return float(np.ptp(ratio / ratio.mean()))
@@ -47,7 +49,7 @@ def test_two_people_who_cross_place_cameras_as_well_as_if_it_were_known_who_is_w
 
 
 def test_a_camera_that_was_moved_while_people_come_and_go_is_named() -> None:
-    people = scene().people.copy()
+    people = scene(frames=90).people[:, :3].copy()
     people[50:, 1, ..., 0] += 60.0  # px
     found = calibrated(people)
     assert off(found) < 0.02
@@ -56,13 +58,10 @@ def test_a_camera_that_was_moved_while_people_come_and_go_is_named() -> None:
     assert abs(end - 50) <= 2
 
 
-def test_a_bystander_whom_two_views_see_does_no_harm() -> None:
-    assert off(calibrated(scene(bystander=True).people)) < 0.02
-
-
-def test_strangers_of_one_view_and_empty_places_do_no_harm() -> None:
-    people = np.pad(scene().people, ((0, 0), (0, 0), (0, 2), (0, 0), (0, 0)), constant_values=np.nan)
-    people[:, 2, -1] = scene().detections()[0, ::-1, 0]  # a time-reversed walk that no other view sees
+def test_a_bystander_of_two_views_a_stranger_of_one_and_empty_places_do_no_harm() -> None:
+    seen = scene(bystander=True)
+    people = np.pad(seen.people, ((0, 0), (0, 0), (0, 2), (0, 0), (0, 0)), constant_values=np.nan)
+    people[:, 2, -1] = seen.detections()[0, ::-1, 0]  # a time-reversed walk that no other view sees
     assert off(calibrated(people)) < 0.02
 
 
@@ -92,15 +91,15 @@ def test_nobody_in_common_is_an_error_that_says_what_to_do() -> None:
 
 
 def test_clocks_are_found_by_several_people() -> None:
-    late = np.array([0, 11, 4, 19])
-    whole = scene(frames=FRAMES + 20).people
-    people = np.stack([whole[20 - n : 20 - n + FRAMES, i] for i, n in enumerate(late)], axis=1)
+    late, frames = np.array([0, 11, 19]), 90
+    whole = scene(frames=frames + 20).people
+    people = np.stack([whole[20 - n : 20 - n + frames, i] for i, n in enumerate(late)], axis=1)
     found = calibrated(people, clock=True)
     assert off(found) < 0.03
-    assert [round(found.clocks[name]) for name in RIG.names] == late.tolist()
+    assert [round(clock) for clock in found.clocks.values()] == late.tolist()
     together = found.synchronised(people)
     assert together.shape == people.shape
-    np.testing.assert_array_equal(together[: FRAMES - 20, 0], people[: FRAMES - 20, 0])
+    np.testing.assert_array_equal(together[: frames - 20, 0], people[: frames - 20, 0])
 
 
 def test_the_stature_is_the_mean_of_the_people() -> None:

@@ -121,12 +121,11 @@ def test_a_useless_camera_is_left_out(room, tmp_path):
 
 def test_a_camera_that_agrees_only_at_times_is_named(room, tmp_path):
     options = [*LAYOUT, "--intrinsics", room / "lenses.toml", "--json"]
-    for recording, named in (("pose", []), ("mixed", [["cam4"]])):
-        config = tmp_path / "config.toml"
-        config.write_text(f"detections = ['{room / recording}']\n")
-        result = succeed("calibrate", "--config", config, "-o", tmp_path / f"{recording}.toml", *options)
-        found = [one for one in json.loads(result.stdout)["findings"] if one["kind"] == "camera_disagrees"]
-        assert [one["subject"]["cameras"] for one in found] == named
+    config = tmp_path / "config.toml"
+    config.write_text(f"detections = ['{room / 'mixed'}']\n")
+    result = succeed("calibrate", "--config", config, "-o", tmp_path / "mixed.toml", *options)
+    found = [one for one in json.loads(result.stdout)["findings"] if one["kind"] == "camera_disagrees"]
+    assert [one["subject"]["cameras"] for one in found] == [["cam4"]]
 
 
 def test_focal_lengths_and_sizes_from_what_the_folder_knows(room, tmp_path):

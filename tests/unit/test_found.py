@@ -39,6 +39,7 @@ def test_what_files_do_not_state_is_asked_for_with_values(folder):
     found = look(folder, GIVEN)
     assert (found.ready, found.lacks, found.unit, found.layout) == (True, (), "m", "body25b")
     assert found.facts["people at once"] == "up to 2"
+    assert found.names == ("cam_01", "cam_02", "cam_03", "cam_04")  # as the calibration calls them
 
 
 def test_a_question_keeps_its_place_and_its_answers(folder):
@@ -163,7 +164,3 @@ def test_data_sets_of_synth_are_recordings(tmp_path, name, more, given, asked):
     assert "truth.npz" not in found.keypoints
     assert lacks(found)[0] == (asked, False)
     assert look(take, given, tmp_path).ready
-
-
-def test_cameras_are_called_as_the_calibration_calls_them(folder):
-    assert look(folder, GIVEN).names == ("cam_01", "cam_02", "cam_03", "cam_04")

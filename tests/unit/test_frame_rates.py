@@ -124,9 +124,9 @@ def test_a_late_camera_is_named_in_its_own_frames(room, path, tmp_path):
         assert abs(clocks.get(name, 0.0) - LATE.get(name, 0)) < 0.5
     late = {name: film(path, name, rate, 24 * (name == "cam2"))[: 6 * rate] for name, rate in RATES.items()}
     command[1] = write(tmp_path / "late", late)
-    found = json.loads(invoke("check-cameras", *command, "--json").stdout)
+    found = json.loads(invoke("check-cameras", *command, "--without", "cam4", "--json").stdout)
     options = {row["name"]: row["offset_option"] for row in found["cameras"]}
-    assert options == {"cam1": None, "cam2": -24.0, "cam3": None, "cam4": None}
+    assert options == {"cam1": None, "cam2": -24.0, "cam3": None}
 
 
 def figures(rate, count, first=0):

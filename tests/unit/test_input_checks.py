@@ -179,25 +179,10 @@ def test_layout(case):
     refused(lambda: sk.Layout(**arguments), next(iter(LAYOUT[case])))
 
 
-def valid() -> dict:
-    """Give the arguments of a camera."""
-    k = np.array([[1000.0, 0, 500], [0, 1000.0, 500], [0, 0, 1]])
-    return {"K": k, "R": np.eye(3), "t": np.array([0.0, 0, 3000]), "size": (1000, 1000)}
-
-
-def camera(**changed) -> sk.Camera:
-    """Give the valid one with something changed."""
-    return sk.Camera(**{**valid(), **changed})
-
-
-def intrinsics(fx=1000.0, fy=1000.0, cx=500.0, cy=500.0) -> np.ndarray:
-    """Build K of these numbers."""
-    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
-
-
+CAMERAS = [sk.Camera(K, EYE, [0, 0, 3000.0], size=SIZE)]
 POINTS = np.random.default_rng(0).normal(size=(5, 3)) * 100
 WIDE = np.tile(np.eye(3) * 400.0, (5, 1, 1))
-PIXELS = sk.project(POINTS, [camera()])[0]
+PIXELS = sk.project(POINTS, CAMERAS)[0]
 TURNS = np.tile([1.0, 0, 0, 0], (5, 1))
 
 
@@ -210,21 +195,21 @@ def far(values: np.ndarray, number: float = 1e308) -> np.ndarray:
 
 ENDLESS = far(PIXELS, -np.inf)
 FAR_VALUES: dict[str, tuple[Callable[[], object], str]] = {
-    "refine endless": (lambda: sk.refine(None, ENDLESS[None, None], [camera()]), "detections[0, 0, 4, 1]"),
+    "refine endless": (lambda: sk.refine(None, ENDLESS[None, None], CAMERAS), "detections[0, 0, 4, 1]"),
     "in time endless": (
-        lambda: sk.refine_sequence(np.stack([PIXELS, ENDLESS])[:, None], [camera()], fps=25),
+        lambda: sk.refine_sequence(np.stack([PIXELS, ENDLESS])[:, None], CAMERAS, fps=25),
         "detections[1, 0, 4, 1]",
     ),
-    "step endless": (lambda: sk.Refiner([camera()], fps=25).step(ENDLESS[None]), "detections[0, 4, 1]"),
+    "step endless": (lambda: sk.Refiner(CAMERAS, fps=25).step(ENDLESS[None]), "detections[0, 4, 1]"),
     "track endless": (
         lambda: sk.track(far(np.zeros((2, 2, 1, 17, 2)), np.inf), synthetic.ring(2), fps=25, layout="h36m17"),
         "people[1, 1, 0, 16, 1]",
     ),
-    "covariances": (lambda: sk.render(POINTS, far(WIDE), camera()), "covariances[4, 2, 2]"),
-    "triangulate": (lambda: sk.triangulate(far(PIXELS)[None], [camera()]), "detections[0, 4, 1]"),
-    "fuse": (lambda: sk.fuse_monocular(far(POINTS)[None], PIXELS[None], [camera()]), "poses[0, 4, 2]"),
+    "covariances": (lambda: sk.render(POINTS, far(WIDE), CAMERAS[0]), "covariances[4, 2, 2]"),
+    "triangulate": (lambda: sk.triangulate(far(PIXELS)[None], CAMERAS), "detections[0, 4, 1]"),
+    "fuse": (lambda: sk.fuse_monocular(far(POINTS)[None], PIXELS[None], CAMERAS), "poses[0, 4, 2]"),
     "quaternions": (
-        lambda: sk.loss_and_gradient(POINTS, POINTS * 0, far(TURNS), PIXELS[None], [camera()]),
+        lambda: sk.loss_and_gradient(POINTS, POINTS * 0, far(TURNS), PIXELS[None], CAMERAS),
         "quaternions[4, 3]",
     ),
 }

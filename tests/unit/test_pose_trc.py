@@ -20,15 +20,6 @@ def path(tmp_path):
     return tmp_path / "pose.trc"
 
 
-def test_pandas_reads_it_as_pose2sim_does(path):
-    pandas = pytest.importorskip("pandas", reason="pandas is not installed")
-    table = pandas.read_csv(path, sep="\t", skiprows=4)
-    named = table.loc[:, ~table.columns.str.startswith("Unnamed")]
-    assert list(named.columns) == [f"{axis}{n}" for n in (1, 2, 3) for axis in "XYZ"]
-    assert table.iloc[:, 0].tolist() == [1, 2, 4, 5]
-    np.testing.assert_allclose(named.to_numpy().reshape(4, 3, 3), sample().pose / 1000.0, atol=DIGIT)
-
-
 def test_the_lines(tmp_path):
     small = PoseData(
         np.array([[[1.0, 2.0, 3.0], [np.nan] * 3], [[-4.0, 5.5, 6.25], [7.0, 8.0, 9.0]]]),

@@ -64,16 +64,6 @@ def test_files_of_two_runs_are_told_apart(run_folder, tmp_path):
 # the folder of an earlier run
 
 
-def test_poses_of_another_run_are_removed_and_other_files_left(folder, arguments):
-    assert invoke(*arguments, *READ, *FAST, "--no-html").exit_code == 0
-    (folder / "out" / "plots").mkdir()
-    (folder / "out" / "pose.txt").write_text("mine")
-    assert invoke(*arguments, *READ, *FAST, "--no-html", "--write", "json").exit_code == 0
-    left = {path.name for path in (folder / "out").iterdir()}
-    kept = RESULTS - {"pose.csv", "pose.trc", "report.html"}
-    assert left == kept | {"pose.json", "pose.txt", "plots"}
-
-
 def test_a_stop_while_writing_leaves_no_file_of_an_earlier_run(folder, arguments, monkeypatch):
     out = folder / "out"
     assert invoke(*arguments, *READ, *FAST).exit_code == 0

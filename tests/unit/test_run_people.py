@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from detection_files import Take
 from skelsplat import synthetic
 from skelsplat.io import write_calibration
 from skelsplat.run import Job, PeopleRun, Run, run, run_people
+from skelsplat.run.figures import tracks_of
 from two_people import LAYOUT, crossing, seen, shuffled
 
 RIG = synthetic.human36m_like()
@@ -100,6 +102,29 @@ def test_the_report_says_who_is_there_when(folder):
         assert entry["findings"] == read_report(folder / entry["folder"])["findings"]
     for camera in report["detections"]["cameras"]:
         assert camera["detected"] == camera["assigned"] == 2 * FRAMES
+
+
+def test_the_page_has_a_row_per_person_with_a_link_to_their_page(folder):
+    text, report = (folder / "report.html").read_text(encoding="utf-8"), read_report(folder)
+    assert "<h1>SkelSplat: openpose, 2 people</h1>" in text
+    assert f"of {4 * 2 * FRAMES:,} in all views, to the people above" in text
+    table = re.search(r'aria-labelledby="table-people".*?<tbody>(.*?)</tbody>', text, re.S)[1]
+    for identity, row in enumerate(re.findall(r"<tr>.*?</tr>", table)):
+        name, when, frames, views, error, *_ = re.findall(r"<t[hd].*?>(.*?)</t[hd]>", row)
+        assert name == f'<a href="person_{identity}/report.html">person {identity}</a>'
+        assert (when, frames, views) == (f"0–{FRAMES - 1}", f"{FRAMES}", "4")
+        assert error.endswith(f"→ {report['people'][identity]['median_error_px']:.1f}")
+    for link in re.findall(r'<a href="(person_\d/.*?)"', text):
+        assert (folder / link).is_file()
+
+
+@pytest.mark.drawn
+def test_the_picture_knows_who_sees_whom(found, tmp_path):
+    for track, one in zip(tracks_of(found), found.people.values(), strict=True):
+        np.testing.assert_array_equal(track.refined, one.poses.pose)  # mm
+        np.testing.assert_array_equal(track.seen, np.isfinite(one.detections[..., 0]).any(axis=2))
+    found.write(tmp_path / "out", (), html=False)
+    assert (tmp_path / "out" / "overview.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_people_are_in_one_file(folder, found):
