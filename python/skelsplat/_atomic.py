@@ -9,6 +9,7 @@ import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from errno import ENOSPC
+from itertools import chain
 from pathlib import Path
 from typing import BinaryIO
 
@@ -80,7 +81,8 @@ def atomic_write(path: str | os.PathLike[str], *, durable: bool = True) -> Itera
         yield stream
 
 
-def atomic_write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write `text` as UTF-8 to `path` with `atomic_write`; line ends are written as given."""
+def atomic_write_text(path: str | os.PathLike[str], *parts: Iterable[str]) -> None:
+    """Write texts, or parts of them, as UTF-8 to `path` with `atomic_write`; line ends are as given."""
     with atomic_write(path) as stream:
-        stream.write(text.encode("utf-8"))
+        for text in chain.from_iterable([one] if isinstance(one, str) else one for one in parts):
+            stream.write(text.encode("utf-8"))

@@ -4,6 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Table:
+    """Cells as texts; the first of a row names it.
+
+    Columns are (head, what its numbers are in words); ``total`` is a last row for all. ``marks`` are, of each
+    row, the class of its name in the page's style and the address that it links to, or ``""``.
+    """
+
+    title: str
+    columns: Sequence[tuple[str, str]]
+    rows: Sequence[Sequence[str]]
+    total: Sequence[str] = ()
+    marks: Sequence[tuple[str, str]] = ()
+    hint: str = ""
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:

@@ -13,8 +13,8 @@ from planted import FAULTS
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 40_314,
-    "cli": 3_910,
+    "package": 40_237,
+    "cli": 3_472,
     "core": 19_851,
     "binding": 2_760,
     "Rust tests": 5_997,

@@ -17,8 +17,7 @@ from skelsplat.cli.rows import Option, texts_of
 from skelsplat.cli.settings import OPTIONS, put, reading_of
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Remedy
-from skelsplat.run.compared import AnyRun, open_run
-from skelsplat.run.earlier import options_of
+from skelsplat.run.compared import AnyRun, open_run, options_of
 from skelsplat.run.files import videos_of_run
 from skelsplat.run.found import Found, look, output_of
 

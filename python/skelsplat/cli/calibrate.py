@@ -23,13 +23,12 @@ from skelsplat.cli.config import given_again, source_of
 from skelsplat.cli.output import print_findings, print_text, progress, say, tell_all
 from skelsplat.cli.rows import rows
 from skelsplat.cli.table import new_table, print_table
-from skelsplat.io import write_calibration
+from skelsplat.io.calibration import WRITTEN, write_calibration
 from skelsplat.run.calibrate import Calibrated, Recorded
 from skelsplat.run.calibrate import calibrate_cameras as run_calibration
 from skelsplat.run.tables import of_calibrated
 
 _EPILOG = "Exit status: 0 written; 1 failed, or the recording does not tell where the cameras are."
-_SUFFIXES = (".toml", ".json", ".npz")
 _FORWARDED = ("layout", "frames", "format", "mapping", "sequence", "fps")  # to refine
 _OF_FILE = tuple(
     replace(row, panel="Cameras", common=False) for row in options.CALIBRATION[1:] if row.name != "size"
@@ -105,7 +104,7 @@ def calibrate(
     skelsplat calibrate pose -o Calib.toml --intrinsics lenses.toml --clock
     """
     source = given.get("intrinsics") or detections[0]
-    options.check_output("--output", output, source, "calibration", _SUFFIXES, force=force)
+    options.check_output("--output", output, source, "calibration", WRITTEN, force=force)
     _check_report(report, source, force=force)
     with progress("steps", first="finding the cameras"):
         found = run_calibration(detections, **options.reading(given))

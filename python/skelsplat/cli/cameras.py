@@ -22,7 +22,7 @@ from skelsplat.cli.config import given_again, source_of
 from skelsplat.cli.output import option_words, print_findings, print_text, say, tell_all
 from skelsplat.cli.rows import rows
 from skelsplat.cli.table import new_table, print_adjusted, print_table
-from skelsplat.io import write_calibration
+from skelsplat.io.calibration import WRITTEN, write_calibration
 from skelsplat.rig_check import RigReport
 from skelsplat.run.adjusted import numbers_of
 from skelsplat.run.cameras import AdjustedCameras, CameraCheck
@@ -141,7 +141,6 @@ def _table_of_check(report: RigReport) -> Table:
 
 
 _ADJUST_EPILOG = "Exit status: 0 done, also if no camera was adjusted; 1 failed, or another fault is found."
-_SUFFIXES = (".toml", ".json", ".npz")
 
 _ADJUST_OPTIONS = (
     *options.of_job("calibration"),
@@ -182,7 +181,7 @@ def adjust_cameras(
 
     skelsplat adjust-cameras Calib.qca.txt day1/*/pose -o fixed.toml --move cam_03 --focal
     """
-    options.check_output("--output", output, calibration, "calibration", _SUFFIXES, force=force)
+    options.check_output("--output", output, calibration, "calibration", WRITTEN, force=force)
     found = adjust(calibration, detections, **options.reading(given))
     if found.changed:
         names = ", ".join(found.changed)

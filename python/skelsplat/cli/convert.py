@@ -17,7 +17,7 @@ from skelsplat.io import convert_unit, write_calibration
 from skelsplat.io._files import listed
 from skelsplat.io._kinds import seems
 from skelsplat.io._run_files import POSES, check_run, folders_of_run
-from skelsplat.io.calibration import FORMATS, find_format, read_calibration
+from skelsplat.io.calibration import FORMATS, WRITTEN, find_format, read_calibration
 from skelsplat.io.poses import POSE_FORMATS, READ, convert_poses, is_pose_file, pose_format
 
 _EPILOG = (
@@ -33,7 +33,7 @@ _KINDS = {
         tuple(f".{kind}" for kind in POSE_FORMATS),
         frozenset({"fps", "to_unit", "y_up", "marker_names", "singular"}),
     ),
-    "calibration": ((".toml", ".json", ".npz"), _READ | {"to_unit"}),
+    "calibration": (tuple(WRITTEN), _READ | {"to_unit"}),
 }
 
 OPTIONS = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
@@ -17,9 +17,10 @@ from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Remedy
 from skelsplat.io.calibration import FORMATS as CALIBRATION_FORMATS
 from skelsplat.io.detections import FORMATS
+from skelsplat.io.detections._frames import FRAME_MODES
 from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.run.frame_range import FrameRange
-from skelsplat.run.job import FRAME_MODES, Job
+from skelsplat.run.job import Job
 
 
 def some_of(choices: tuple[str, ...], option: str, value: str) -> tuple[str, ...]:
@@ -270,7 +271,7 @@ def frame_range(_option: str, text: str) -> FrameRange:
 
 
 def check_output(
-    option: str, output: Path, source: Path, kind: str, suffixes: tuple[str, ...], *, force: bool
+    option: str, output: Path, source: Path, kind: str, suffixes: Collection[str], *, force: bool
 ) -> None:
     """Refuse an output with a wrong suffix, one that is the input, or, without ``force``, one that exists."""
     if output.suffix.lower() not in suffixes:

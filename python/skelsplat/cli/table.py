@@ -16,6 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from skelsplat._escape import escaped
+from skelsplat._words import Table as Cells
 from skelsplat._words import listed, number
 from skelsplat.cli.output import print_findings
 from skelsplat.findings import Finding
@@ -120,7 +121,7 @@ def print_adjusted(console: Console, cameras: Sequence[Mapping[str, Any]]) -> No
 
 def print_rows(
     console: Console,
-    rows: tables.Rows,
+    rows: Cells,
     heads: Collection[str],
     *,
     explained: Collection[str] = (),

@@ -203,6 +203,11 @@ def npy_shape(path: Path) -> tuple[int, ...]:
     return ()
 
 
+def mentions(*names: bytes) -> Callable[[Path], bool]:
+    """Return what says whether a file is HDF5 and holds all of `names`."""
+    return lambda path: hdf5_mentions(path, *names)
+
+
 def hdf5_mentions(path: Path, *names: bytes) -> bool:
     """Whether a file is HDF5 and holds all of `names` as plain text; needs no package that reads HDF5."""
     with suppress(DatasetError, ValueError), opened(path) as stream:
@@ -302,7 +307,10 @@ class Made:
 
 
 def write_npz(stream: IO[bytes], arrays: Mapping[str, npt.NDArray[Any] | RowFile | Made]) -> None:
-    """Write a compressed npz file as NumPy's `savez_compressed`; some of its arrays are made in pieces."""
+    """Write a compressed npz file as NumPy's `savez_compressed`; some of its arrays may be made in pieces."""
+    if all(isinstance(array, np.ndarray) for array in arrays.values()):
+        np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
+        return
     # level 1: of random digits hardly larger than the usual 6, and three times as fast
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for name, array in arrays.items():

@@ -14,6 +14,7 @@ import pickle
 import subprocess
 import sys
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -117,6 +118,12 @@ def read_guarded(kind: str, path: Path, expected: str, *, field: str = "file", *
     if refused:
         raise DatasetError(path, (*refused, field)[2], refused[0] or expected, refused[1])
     return content
+
+
+def read_hdf5(path: Path, names: Sequence[str]) -> dict[str, Any]:
+    """Return the ``arrays`` of these names or patterns in an HDF5 file, and its ``attributes``."""
+    found: dict[str, Any] = read_guarded("hdf5", path, "a complete HDF5 file", names=names)
+    return found
 
 
 def unpickle(path: Path) -> Any:

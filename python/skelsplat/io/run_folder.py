@@ -109,10 +109,7 @@ def write_run_inputs(
         **({} if run is None else {RUN: np.array(run)}),
     }
     with atomic_write(folder / DETECTIONS) as stream:
-        if isinstance(detections, RowFile):
-            write_npz(stream, arrays)
-        else:
-            np.savez_compressed(stream, **arrays)
+        write_npz(stream, arrays)
     return [CAMERAS, DETECTIONS, *([LAYOUT] if own else [])]
 
 

@@ -10,6 +10,7 @@ import sys
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -24,12 +25,12 @@ from skelsplat.io._run_files import REPORT, RUN, check_people, check_run, files_
 from skelsplat.io.calibration import find_format
 from skelsplat.io.calibration._json import to_json
 from skelsplat.io.poses._csv import csv_text
-from skelsplat.run.batch_cameras import CAMERAS, OF_CALIBRATION, AdjustedTogether, adjust_together
+from skelsplat.run.batch_cameras import CAMERAS, AdjustedTogether, adjust_together
 from skelsplat.run.engine import run, run_people
 from skelsplat.run.folder import keep_inputs, output_folder
 from skelsplat.run.job import Job
 from skelsplat.run.process import Child
-from skelsplat.run.read import read_rig
+from skelsplat.run.read import OF_CALIBRATION, read_rig
 from skelsplat.run.report import versions
 
 TABLE, RECORD = "batch.csv", "batch.json"
@@ -242,11 +243,10 @@ def _text(value: object) -> str:
 
 def _earlier(path: Path, keys: Mapping[str, str]) -> dict[str, dict[str, Any]]:
     """Return the entries of an earlier batch with the same keys, by name; none if it cannot be read."""
-    try:
+    with suppress(SkelSplatError, AttributeError, KeyError, TypeError):
         entries = load_json(path, "a batch")["recordings"] if path.is_file() else []
         return {entry["name"]: entry for entry in entries if entry.get("key") == keys.get(entry["name"], "")}
-    except (DatasetError, AttributeError, KeyError, TypeError):
-        return {}
+    return {}
 
 
 def _clear(folder: Path, used: Collection[Path]) -> None:
@@ -259,11 +259,10 @@ def _clear(folder: Path, used: Collection[Path]) -> None:
 
 def _sessions(path: Path) -> tuple[AdjustedTogether, ...]:
     """Return the sessions of an earlier batch; none if it cannot be read."""
-    try:
+    with suppress(SkelSplatError, AttributeError, KeyError, TypeError):
         entries = load_json(path, "a batch")["sessions"] if path.is_file() else []
         return tuple(map(AdjustedTogether.of_dict, entries))
-    except (SkelSplatError, AttributeError, KeyError, TypeError):
-        return ()
+    return ()
 
 
 def _complete(folder: Path, entry: Mapping[str, Any]) -> bool:

@@ -14,13 +14,12 @@ from skelsplat.findings import Finding, collected_warnings
 from skelsplat.io.calibration import write_calibration
 from skelsplat.run.adjusted import numbers_of
 from skelsplat.run.by_everybody import Scene
+from skelsplat.run.folder import in_the_way
 from skelsplat.run.job import Job
-from skelsplat.run.read import open_files, read_everybody
-from skelsplat.run.session import Session, adjust_session
+from skelsplat.run.read import OF_CALIBRATION, open_files, read_everybody
+from skelsplat.run.session import adjust_session
 
 CAMERAS = "batch-cameras.json"
-OF_CALIBRATION = ("calibration_format", "unit", "camera_type", "subject", "size", "binning")
-"""The options of a job that say how its calibration is read."""
 
 
 @dataclass(frozen=True)
@@ -63,24 +62,19 @@ def adjust_together(
     alike: dict[tuple[str, ...], list[str]] = {}
     for name, job in jobs.items():
         if job.adjust_cameras and not job.move:
-            alike.setdefault(_kind(job), []).append(name)
+            options = (getattr(job, one) for one in (*OF_CALIBRATION, "without", "layout", "mapping"))
+            kind = str(Path(job.calibration).resolve()), *map(str, options)
+            alike.setdefault(kind, []).append(name)
     several = [names for names in alike.values() if len(names) > 1]
     for k, names in enumerate(several):
         key = hashlib.sha256("\n".join(key_of(jobs[name]) for name in names).encode()).hexdigest()
         kept = next((one for one in earlier if one.key == key and Path(one.output).is_file()), None)
         place = folder / (f"{k + 1}-{CAMERAS}" if len(several) > 1 else CAMERAS)
         if place.resolve() == Path(jobs[names[0]].calibration).resolve():
-            expected = "a folder in which no input is overwritten or mixed with results"
-            raise InvalidInputError(f"output: expected {expected}, got the one of {place}")
+            raise in_the_way(place)
         found = kept or _adjusted({name: jobs[name] for name in names}, place, key)
         if found is not None:
             yield found
-
-
-def _kind(job: Job) -> tuple[str, ...]:
-    """Return what is the same for jobs of one session."""
-    options = (getattr(job, name) for name in (*OF_CALIBRATION, "without", "layout", "mapping"))
-    return str(Path(job.calibration).resolve()), *map(str, options)
 
 
 def _adjusted(jobs: Mapping[str, Job], place: Path, key: str) -> AdjustedTogether | None:
@@ -103,12 +97,6 @@ def _adjusted(jobs: Mapping[str, Job], place: Path, key: str) -> AdjustedTogethe
     if found.adjustment is None:
         return None
     write_calibration(place, replace(found.of(every), clocks={}), note=f"skelsplat batch: {', '.join(jobs)}")
-    return _told(jobs, found, every, place, key)
-
-
-def _told(
-    jobs: Mapping[str, Job], found: Session, every: sk.CameraRig, place: Path, key: str
-) -> AdjustedTogether:
     return AdjustedTogether(
         tuple(jobs),
         str(next(iter(jobs.values())).calibration),

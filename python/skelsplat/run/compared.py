@@ -1,17 +1,20 @@
-"""A run of one person or of several, and two of them side by side."""
+"""A run of one person or of several, how it was asked for, and two of them side by side."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from skelsplat.exceptions import SkelSplatError
 from skelsplat.findings import Finding
 from skelsplat.io._run_files import folders_of_run, is_run
+from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.run import tables
 from skelsplat.run._run import PeopleRun, Run
 
 AnyRun: TypeAlias = "Run | PeopleRun"
+_STATED = ("unit", "layout", "person", "sequence", "order", "mapping", "adjust_cameras", "move")
 
 
 def open_run(folder: Path) -> AnyRun | None:
@@ -22,6 +25,22 @@ def open_run(folder: Path) -> AnyRun | None:
         return PeopleRun.open(folder) if folders_of_run(folder) else Run.open(folder)
     except (SkelSplatError, OSError):
         return None
+
+
+def options_of(report: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of the `skelsplat.run.Job` that a report states, but for files and the method."""
+    made = report["input"]
+    found = {name: made.get(name) for name in _STATED}
+    found["offsets"] = {camera: frames for camera, frames in made.get("offsets", {}).items() if frames}
+    found["without"] = tuple(made.get("without", ()))
+    found["frames"] = made.get("frame_mode")
+    found["fps"] = made.get("frame_rates_hz") or made.get("frame_rate_hz")
+    if "people" in report:
+        found |= {"people": made["people"], "person": None}
+    # files of several people are listed by the report of each
+    names = [name.partition(".")[2] for name in report["files"] if name.startswith("pose.")]
+    found["write"] = tuple(kind for kind in names if kind in POSE_FORMATS and kind != "npz")
+    return {name: value for name, value in found.items() if value not in (None, "", False, (), {})}
 
 
 def findings_of(run: AnyRun) -> list[tuple[str, Finding]]:

@@ -245,12 +245,12 @@ def keep_input(job: Job, sources: Sequence[Path] = ()) -> None:
     for path in (Path(file).resolve() for file in (job.calibration, job.detections, job.init) if file):
         of_a_person = any(place.parent == out and is_person(place.name) for place in (path, path.parent))
         if path in {out, *written} or of_a_person:
-            raise _in_the_way(path)
+            raise in_the_way(path)
     for path in sources:
         place = path.resolve()
         folder = place if place.is_dir() else place.parent
         if place in written or (folder != top and folder != top.parent and folder in {out, *out.parents}):
-            raise _in_the_way(path)
+            raise in_the_way(path)
 
 
 def keep_inputs(jobs: Iterable[Job], folder: Path, names: Sequence[str]) -> None:
@@ -261,10 +261,11 @@ def keep_inputs(jobs: Iterable[Job], folder: Path, names: Sequence[str]) -> None
         files = (path for path in top.glob("*.*") if path != Path(job.calibration).resolve())
         of_cameras = top in out.parents and not any(path.suffix.lower() in suffixes for path in files)
         if of_cameras or top in (out, *(out / name for name in names)):
-            raise _in_the_way(Path(job.detections))
+            raise in_the_way(Path(job.detections))
 
 
-def _in_the_way(path: Path) -> InvalidInputError:
+def in_the_way(path: Path) -> InvalidInputError:
+    """Return the error that a folder for results is that of an input."""
     expected = "a folder in which no input is overwritten or mixed with results"
     return InvalidInputError(f"output: expected {expected}, got the one of {path}")
 

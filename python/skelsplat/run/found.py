@@ -25,12 +25,11 @@ from skelsplat.io.detections._registry import recognised
 from skelsplat.io.video import FrameSource, open_source, videos_of
 from skelsplat.run.contents import contents, folders_of_one_video
 from skelsplat.run.job import rates_in
-from skelsplat.run.read import read_rig
+from skelsplat.run.read import OF_CALIBRATION, read_rig
 
 _LOOKED_AT = 200  # files of a folder
 _SAMPLED = 12  # frames in which people are counted
 _CALIBRATIONS = (".toml", ".json", ".xml", ".txt", ".xcp", ".yml", ".yaml", ".npz", ".pickle", ".pkl", ".h5")
-_OF_RIG = ("calibration_format", "unit", "camera_type", "subject", "size", "binning", "without")
 _OF_DETECTIONS = ("layout", "offsets", "fps", "order", "without", "mapping")
 _PER_SECOND = {rate: f"{rate} per second" for rate in ("25", "30", "50", "60", "100")}
 _NO_RATE = (
@@ -208,7 +207,7 @@ def _otherwise(
     if given.get("layout") == layout and layout:
         known["layout"] = layout, {name: name for name in _layouts(sk.layouts.get(layout).n_joints)}
     if given.get("size") and not calibration:
-        known["size"] = size_text(given["size"]).replace("×", "x"), _sizes(cameras)
+        known["size"] = size_text(given["size"]), _sizes(cameras)
     if given.get("fps") and not any(one.fps for one in cameras):
         known["fps"] = _rates(rates_in(given["fps"])), _PER_SECOND
     for setting, (value, values) in known.items():
@@ -307,7 +306,7 @@ def _rig(folder: Path, calibration: str, given: Mapping[str, Any]) -> tuple[sk.C
     """Return the cameras of a calibration, or what is missing to read it."""
     if not calibration:
         return None, []
-    options = {name: given[name] for name in _OF_RIG if given.get(name)}
+    options = {name: given[name] for name in (*OF_CALIBRATION, "without") if given.get(name)}
     try:
         return read_rig(folder / calibration, **options), []
     except (SkelSplatError, OSError) as error:

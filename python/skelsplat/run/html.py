@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat import viz
 from skelsplat._arrays import Array, Index
+from skelsplat._words import Table
 from skelsplat.run import tables
 from skelsplat.run.angles import angles_of, by_title, world_up
 from skelsplat.run.figures import count_of, skeleton_of, tracks_of
@@ -107,10 +109,7 @@ def write_people_html(run: PeopleRun, path: Path) -> None:
             start_name=first.outcome.start_name if first.outcome.sequence is None else "frame by frame",
         ),
         shapes=camera_shapes(first.cameras),
-        tables=[
-            page.Table(**vars(tables.of_people(run)), marks=marks),
-            *shown(tables.of_adjusted(run.report)),
-        ],
+        tables=shown(replace(tables.of_people(run), marks=marks), tables.of_adjusted(run.report)),
         lines=lines_of_people(tracks, frames),
         findings=[sentences(one.findings, notes=True) for one in runs],
         views=[spread_out(frames, track.frames, track.views, -1) for track in tracks],
@@ -118,9 +117,9 @@ def write_people_html(run: PeopleRun, path: Path) -> None:
     page.write_report(path, data)
 
 
-def shown(*rows: tables.Rows) -> list[page.Table]:
-    """Return tables for the page."""
-    return [page.Table(**vars(one)) for one in rows]
+def shown(*every: Table) -> list[Table]:
+    """Return the tables that have rows."""
+    return [one for one in every if one.rows]
 
 
 def _title(report: dict[str, Any], of_whom: str) -> str:

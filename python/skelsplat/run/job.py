@@ -12,13 +12,12 @@ from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.io._arrays import FRAME_RATES
 from skelsplat.io.detections import FORMATS, Rates
+from skelsplat.io.detections._frames import FRAME_MODES
 from skelsplat.io.detections._joints import check_layout
 from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.io.poses._markers import MARKER_NAMES
 from skelsplat.run.over_time import Filter, parse_filter
 from skelsplat.run.person import check_person
-
-FRAME_MODES = ("strict", "intersection", "union")
 
 
 class IncompleteJobError(InvalidInputError):
@@ -73,8 +72,8 @@ class Job(Writing):
     subject: str | None = None
     size: tuple[int, int] | None = None
     binning: float | None = None
-    #: The joint layout of the detections, as `skelsplat.io.read_layout` takes it: a name, a layout file, a
-    #: `skelsplat.Layout`, or ``"file"``; None: found from the joint names in the files.
+    #: How to read the detections, as for `skelsplat.io.read_detections`; so are those from ``frames`` to
+    #: ``sequence``, and ``fps``.
     layout: str | os.PathLike[str] | sk.Layout | None = None
     #: ``"consistent"``: the person the views agree on. The others follow people over time, as
     #: `skelsplat.track`, and choose one: a number from 0, the identity; ``"largest"``: whoever is largest in
@@ -84,17 +83,11 @@ class Job(Writing):
     person: str | int = "consistent"
     #: For `run_people`: ``"all"``, or a number: those whom the views see most. None: one person.
     people: str | int | None = None
-    #: With cameras of different frame counts: ``"strict"``, ``"intersection"`` or ``"union"``.
     frames: str = "strict"
-    #: Format of the detections, of `skelsplat.io.detections.FORMATS`; None to find it from the files.
     format: str | None = None
-    #: By camera, frames of its own to add to its frame numbers, also parts of one.
     offsets: Mapping[str, float] = field(default_factory=dict)
-    #: The source of each camera's detections, or ``"sorted"``; None to match by name.
     order: str | tuple[str, ...] | None = None
-    #: Names of cameras that are left out; case and separators may differ.
     without: tuple[str, ...] = ()
-    #: By joint of the layout, its name or index in the files, where these differ; None: missing there.
     mapping: Mapping[str, str | int | None] = field(default_factory=dict)
     sequence: str | None = None
     #: A pose file to start from; None for triangulation.

@@ -24,6 +24,7 @@ from skelsplat.run.frames import FrameFacts, JointFrames, joint_frames
 from skelsplat.run.job import Job
 from skelsplat.run.person import look_around, without_match
 from skelsplat.run.read import Inputs, Opened
+from skelsplat.run.session import padded
 from skelsplat.run.solve import Outcome, Progress, even_clock, poses_of, silent, why_alone
 from skelsplat.run.summary import COUNTED, summarise
 
@@ -77,7 +78,9 @@ def follow(
     nobody = np.empty((0, shape[0], 1, *shape[1:]))
     before, done, uncompared, most, views = nobody, 0, 0, 0, list[Index]()
     for part, after in pairwise(chain(opened.detections.stretches(size), [nobody])):
-        people = association.with_confidences(_joined([before, part, after[:_BESIDE]]))
+        beside = [before, part, after[:_BESIDE]]
+        most_there = max(one.shape[2] for one in beside)
+        people = association.with_confidences(np.concatenate([padded(one, most_there) for one in beside]))
         own = slice(len(before), len(before) + len(part))
         found, not_all = association.told_apart(people, rig, layout, whole.fps, before=len(before))
         index, cut = found[0, own], int(not_all[own].sum())
@@ -94,14 +97,6 @@ def follow(
     people_in_all = max(map(len, views))  # no view sees those whom a part lacks
     counts = [np.pad(part, ((0, people_in_all - len(part)), (0, 0))) for part in views]
     return replace(whole, crowd=look_around(np.concatenate(counts, axis=1))), detections, unmatched
-
-
-def _joined(parts: list[Array]) -> Array:
-    """Join people (t, M, P, N, 3), padded with NaN to the largest P."""
-    most = max(part.shape[2] for part in parts)
-    padded = (((0, 0), (0, 0), (0, most - part.shape[2]), (0, 0), (0, 0)) for part in parts)
-    pairs = zip(parts, padded, strict=True)
-    return np.concatenate([np.pad(part, by, constant_values=np.nan) for part, by in pairs])
 
 
 class _OnClock:

@@ -178,12 +178,13 @@ def find_over_people(people: Mapping[int, Sequence[Finding]], cameras: Sequence[
     if not found or len(people) < 2:
         return
     named = {who: [one.subject.cameras[0] for one in own] for who, own in found.items()}
-    suspects = [
-        {
-            *named[who],
-            *(rival["camera"] for one in own for rival in _rivals(one) if rival["may_be_the_cause"]),
-        }
+    rivals = {
+        who: [rival for one in own for rival in one.numbers.get("also_displaced", ())]
         for who, own in found.items()
+    }
+    suspects = [
+        {*names, *(rival["camera"] for rival in rivals[who] if rival["may_be_the_cause"])}
+        for who, names in named.items()
     ]
     blamed = {name: [who for who, own in named.items() if name in own] for name in cameras}
     blamed = {name: who for name, who in blamed.items() if who}
@@ -207,11 +208,6 @@ def find_over_people(people: Mapping[int, Sequence[Finding]], cameras: Sequence[
         sentence=f"Cameras that disagree with the others, over {len(people)} people: {listed(shown)}. "
         f"{said}.",
     )
-
-
-def _rivals(finding: Finding) -> Sequence[Mapping[str, Any]]:
-    rivals: Sequence[Mapping[str, Any]] = finding.numbers.get("also_displaced", ())
-    return rivals
 
 
 def find_left_out(detected: Index, assigned: Index, of: Inputs) -> Iterator[Finding]:

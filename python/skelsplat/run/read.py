@@ -32,6 +32,8 @@ from skelsplat.run.person import Crowd
 
 # Detections of one person from which a recording is long: 29,000 frames of 17 joints in 4 views.
 LONG = 2_000_000
+OF_CALIBRATION = ("calibration_format", "unit", "camera_type", "subject", "size", "binning")
+"""The options of a job that say how its calibration is read."""
 _AT_ONCE = 450  # bytes of memory for each of them, with its share of the results, if all are there at once
 
 
@@ -138,9 +140,8 @@ class Opened:
 
 def open_files(job: Job) -> Opened:
     """Read the cameras that a job names and open the detections."""
-    reading = ("calibration_format", "unit", "camera_type", "subject", "size", "binning")
     given = ("without", "fps", "layout", "format", "frames", "offsets", "order", "mapping", "sequence")
-    read = {name: getattr(job, name) for name in reading}
+    read = {name: getattr(job, name) for name in OF_CALIBRATION}
     options = {name: getattr(job, name) for name in given}
     opened = open_recording(Path(job.calibration), Path(job.detections), read=read, **options)
     _note_sigma(Path(job.calibration), opened.every)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skelsplat._words import length, number, percent, with_bar
+from skelsplat._words import Table, length, number, percent, with_bar
 from skelsplat.run.frames import problems_of
 from skelsplat.run.report import MEANINGS
 from skelsplat.run.summary import Group, finite_median, is_biased
@@ -16,16 +15,6 @@ from skelsplat.run.summary import Group, finite_median, is_biased
 if TYPE_CHECKING:
     from skelsplat.run._run import PeopleRun, Run
     from skelsplat.run.calibrate import Calibrated
-
-
-@dataclass(frozen=True)
-class Rows:
-    """Cells as texts; the first of a row names it. Columns are (head, what its numbers are in words)."""
-
-    title: str
-    columns: Sequence[tuple[str, str]]
-    rows: Sequence[Sequence[str]]
-    total: Sequence[str] = ()  # a last row for all
 
 
 WHY_RISEN = (
@@ -108,13 +97,13 @@ _OF_PEOPLE = (
 )
 
 
-def of_cameras(run: Run) -> Rows:
+def of_cameras(run: Run) -> Table:
     """Return a row per camera, and one for all."""
     rows = [_cells(one) for one in run.statistics.cameras]
-    return Rows("Cameras", _heads("camera", _OF_GROUPS), rows, _cells(run.statistics.total))
+    return Table("Cameras", _heads("camera", _OF_GROUPS), rows, _cells(run.statistics.total))
 
 
-def of_joints(run: Run) -> Rows:
+def of_joints(run: Run) -> Table:
     """Return a row per joint."""
     digits, rows = run.statistics.decimals, []
     for one in run.statistics.joints:
@@ -128,24 +117,24 @@ def of_joints(run: Run) -> Rows:
         ("error bar [mm]", "standard deviation per axis against an anatomical joint (scatter, a part of it)"),
         ("moved [mm]", "median distance of the refined joint from its start"),
     ]
-    return Rows("Joints", columns, rows)
+    return Table("Joints", columns, rows)
 
 
-def of_adjusted(report: Mapping[str, Any]) -> Rows:
+def of_adjusted(report: Mapping[str, Any]) -> Table:
     """Return what became of each camera that was to be adjusted; no rows without any."""
     adjusted = report.get("cameras_adjusted", ())
     measured = [column for column in _MEASURED if any(column[2](one) != "–" for one in adjusted)]
     columns = [*_OF_ADJUSTED[:-1], *measured, _OF_ADJUSTED[-1]]
     rows = [[one["camera"], *(cell(one) for *_, cell in columns)] for one in adjusted]
-    return Rows("Cameras, before and after they were adjusted", _heads("camera", columns), rows)
+    return Table("Cameras, before and after they were adjusted", _heads("camera", columns), rows)
 
 
-def of_calibrated(found: Calibrated) -> Rows:
+def of_calibrated(found: Calibrated) -> Table:
     """Return what was found about each camera."""
     clocks = any(one["clock_sigma_frames"] for one in found.cameras)
     columns = [*_OF_CALIBRATED, *(_FOCAL if found.focal else ()), *(_CLOCK if clocks else ())]
     rows = [[one["camera"], *(cell(one) for *_, cell in columns)] for one in found.cameras]
-    return Rows("Cameras", _heads("camera", columns), rows)
+    return Table("Cameras", _heads("camera", columns), rows)
 
 
 def _barred(one: Mapping[str, Any], name: str, sign: str = "") -> str:
@@ -160,7 +149,7 @@ def _measured(value: float, sigma: float | None, usual: float = 0.0, scale: floa
     return with_bar(change, sigma and scale * sigma, "+") if sigma or round(change, 1) else "–"
 
 
-def of_people(run: PeopleRun) -> Rows:
+def of_people(run: PeopleRun) -> Table:
     """Return a row per person."""
     rows = []
     for entry, one in zip(run.report["people"], run.people.values(), strict=True):
@@ -178,7 +167,7 @@ def of_people(run: PeopleRun) -> Rows:
             str(len(one.findings)),
         ]
         rows.append(row)
-    return Rows("People", _OF_PEOPLE, rows)
+    return Table("People", _OF_PEOPLE, rows)
 
 
 def facts_of(report: dict[str, Any]) -> list[tuple[str, str]]:

@@ -34,7 +34,7 @@ Size: TypeAlias = tuple[int, int]
 FORMATS: dict[str, CalibrationFormat] = {
     known.name: known for module in (_json, _plain, _xml, _opencv, _binary, _toml) for known in module.FORMATS
 }
-_WRITTEN = {".toml": "anipose", ".json": "json", ".npz": "npz"}
+WRITTEN = {".toml": "anipose", ".json": "json", ".npz": "npz"}
 # of files that may be calibrations in a folder, and how many are looked at
 _SUFFIXES = (".toml", ".json", ".xml", ".txt", ".xcp", ".yml", ".yaml", ".npz", ".mat", ".pickle", ".pkl")
 _MOST_FILES = 50
@@ -280,9 +280,9 @@ def write_calibration(
         In TOML, states that detections of a recording adjusted these cameras, so that Anipose does not.
     """
     suffix = Path(path).suffix.lower()
-    chosen = _WRITTEN.get(suffix) if format is None else format
-    if chosen not in _WRITTEN.values():
-        expected = f"one of {', '.join(_WRITTEN.values())}, or a path in {', '.join(_WRITTEN)}"
+    chosen = WRITTEN.get(suffix) if format is None else format
+    if chosen not in WRITTEN.values():
+        expected = f"one of {', '.join(WRITTEN.values())}, or a path in {', '.join(WRITTEN)}"
         raise InvalidInputError(f"format: expected {expected}, got {format or suffix or 'no suffix'!r}")
     if chosen == "npz":
         noted: dict[str, Any] = {} if note is None else {"note": np.array(note)}

@@ -14,7 +14,7 @@ from skelsplat._fields import Field
 from skelsplat.exceptions import DatasetError, MissingPackageError
 from skelsplat.io._arrays import hdf5_mentions
 from skelsplat.io._files import natural
-from skelsplat.io._guarded import read_guarded, unpickle
+from skelsplat.io._guarded import read_guarded, read_hdf5, unpickle
 from skelsplat.io.calibration._entries import SKEW, camera_of, matrix_of, warn_of_fit, without_skew
 from skelsplat.io.calibration._format import CalibrationFormat, Parsed, RawCamera, Source
 from skelsplat.io.calibration._json import HUMAN36M_SIZES, one_subject
@@ -167,7 +167,7 @@ def _parse_human36m_h5(source: Source, subject: str | None) -> Parsed:
     named.
     """
     names = [f"subject*/camera*/{part}" for part in _PARTS]
-    arrays = read_guarded("hdf5", source.path, "a complete HDF5 file", names=names)["arrays"]
+    arrays = read_hdf5(source.path, names)["arrays"]
     places = sorted((m for m in map(_CAMERA_H5.fullmatch, arrays) if m), key=lambda m: int(m[2]))
     subjects = sorted({f"S{place[1]}" for place in places}, key=natural)
     chosen = one_subject(source.path, subjects, subject)

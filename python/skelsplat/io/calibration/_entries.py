@@ -30,9 +30,13 @@ def camera_of(
     t: str = "t",
     lens: str | None = None,
     size: str | None = None,
-    fisheye: bool = False,
+    own: bool = False,
 ) -> RawCamera:
-    """Return the camera of an entry, under these names; a rotation may be given as a matrix."""
+    """Return the camera of an entry, under these names; a rotation may be given as a matrix.
+
+    With ``own``, the entry may state what this package writes of a camera: ``fisheye`` and ``clock``.
+    """
+    fisheye = own and entry["fisheye"].flag()
     return RawCamera(
         name=entry["name"].text() if name is None else name,
         K=entry[K].numbers((3, 3)),
@@ -41,6 +45,7 @@ def camera_of(
         distortion=None if lens is None else lens_of(entry[lens], fisheye=fisheye),
         size=None if size is None else entry[size].size(),
         fisheye=fisheye,
+        clock=entry["clock"].number() if own and "clock" in entry else 0.0,
     )
 
 
@@ -99,11 +104,8 @@ def warn_of_fit(path: Path, errors: dict[str, float], how: str) -> None:
     worst = max(errors.values(), default=0.0)
     words = f"{path}: {', '.join(names)}: {how} to {worst:.2g} px at worst."
     if names:
-        warn(
-            Finding(
-                "calibration_read_as", "note", cameras_of(path, names), {"error_px": worst}, sentence=words
-            )
-        )
+        numbers = {"error_px": worst}
+        warn(Finding("calibration_read_as", "note", cameras_of(path, names), numbers, sentence=words))
 
 
 def without_skew(K: Array) -> tuple[Array, Array, float]:

@@ -55,8 +55,7 @@ def _parse_json(source: Source) -> Parsed:
 
 
 def _own(entry: Field) -> RawCamera:
-    camera = camera_of(entry, lens="distortion", size="size", fisheye=entry["fisheye"].flag())
-    return replace(camera, clock=clock_in(entry))
+    return camera_of(entry, lens="distortion", size="size", own=True)
 
 
 def _unit(document: Field) -> str:
@@ -68,31 +67,23 @@ def _unit(document: Field) -> str:
 
 def to_json(rig: sk.CameraRig, note: str | None = None) -> str:
     """Return the rig as JSON text, with a note if there is one; numbers have all their digits."""
-    named = zip(rig.names, rig, strict=True)
     cameras = [
-        {"name": name, **to_entry(camera), "fisheye": camera.fisheye, **clock_of(rig, name)}
-        for name, camera in named
+        {
+            "name": name,
+            "size": list(camera.size),
+            "K": camera.K.tolist(),
+            "R": camera.R.tolist(),
+            "t": camera.t.tolist(),
+            "distortion": None if camera.distortion is None else camera.distortion.tolist(),
+            "fisheye": camera.fisheye,
+            **clock_of(rig, name),
+        }
+        for name, camera in zip(rig.names, rig, strict=True)
     ]
     noted = {} if note is None else {"note": note}
     stated = {"unit": rig.unit, **joint_sigma_of(rig)}
     document = {"format": _MARK, "version": _VERSION, **noted, **stated, "cameras": cameras}
     return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def to_entry(camera: sk.Camera) -> dict[str, Any]:
-    """Return the size, the matrices and the distortion of a camera as values of JSON."""
-    return {
-        "size": list(camera.size),
-        "K": camera.K.tolist(),
-        "R": camera.R.tolist(),
-        "t": camera.t.tolist(),
-        "distortion": None if camera.distortion is None else camera.distortion.tolist(),
-    }
-
-
-def clock_in(entry: Field) -> float:
-    """Return the clock of an entry, 0 where there is none."""
-    return entry["clock"].number() if "clock" in entry else 0.0
 
 
 def clock_of(rig: sk.CameraRig, name: str) -> dict[str, float]:

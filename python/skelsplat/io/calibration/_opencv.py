@@ -30,10 +30,13 @@ _KEY = re.compile(r"([^\s#%:-][^:]*):(?:\s+(.*))?")
 _MATRIX = "!!opencv-matrix"
 
 
-def _parse_opencv_yaml(path: Path, text: str) -> dict[str, Any]:
-    """Return the top-level entries: matrices and lists as nested lists, numbers, texts."""
+def _entries(path: Path) -> Field:
+    """Return the top-level entries of a file: matrices and lists as nested lists, numbers, texts."""
+    text = read_text(path)
+    check_document(path, text)
     blocks = _blocks(path, text).items()
-    return {key: _value(path, key, first, " ".join(rest)) for key, (first, *rest) in blocks}
+    found = {key: _value(path, key, first, " ".join(rest)) for key, (first, *rest) in blocks}
+    return Field(path, "", found)
 
 
 def _blocks(path: Path, text: str) -> dict[str, list[str]]:
@@ -100,7 +103,12 @@ def _parse_openpose(source: Source) -> Parsed:
     """
     files = [f for f in source.files if f.suffix.lower() == ".xml"] if source.is_folder else [source.path]
     files.sort(key=lambda file: natural(file.stem))
-    return [_openpose_camera(Source(file)) for file in files if source.keeps(file.stem)], "m"
+    cameras = []
+    for file in (one for one in files if source.keeps(one.stem)):
+        entry = _xml_matrices(Source(file))
+        pose, K = entry["CameraMatrix"].numbers((3, 4)), entry["Intrinsics"].numbers((3, 3))
+        cameras.append(RawCamera(file.stem, K, pose[:, :3], pose[:, 3], lens_of(entry["Distortion"])))
+    return cameras, "m"
 
 
 def _xml_matrices(source: Source) -> Field:
@@ -109,13 +117,6 @@ def _xml_matrices(source: Source) -> Field:
         raise DatasetError(source.path, "XML", f"<{_ROOT}>, as OpenCV writes it", "something else")
     parts = {node.tag: {child.tag: child.text or "" for child in node} for node in source.xml if len(node)}
     return Field(source.path, "", {key: _matrix(source.path, key, part) for key, part in parts.items()})
-
-
-def _openpose_camera(source: Source) -> RawCamera:
-    entry = _xml_matrices(source)
-    pose = entry["CameraMatrix"].numbers((3, 4))
-    K, lens = entry["Intrinsics"].numbers((3, 3)), lens_of(entry["Distortion"])
-    return RawCamera(source.path.stem, K, pose[:, :3], pose[:, 3], lens)
 
 
 _PAIR = ("intri", "extri")
@@ -164,12 +165,6 @@ def _easymocap_names(document: Field, prefix: str) -> list[str]:
     """Return the cameras that a file lists, or for which it has a matrix of this prefix."""
     known = [key.removeprefix(prefix) for key in document.value if key.startswith(prefix)]
     return document["names"].names() if "names" in document else known
-
-
-def _entries(path: Path) -> Field:
-    text = read_text(path)
-    check_document(path, text)
-    return Field(path, "", _parse_opencv_yaml(path, text))
 
 
 def _easymocap_camera(intri: Field, extri: Field, name: str) -> RawCamera:

@@ -36,7 +36,7 @@ from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, warn
 from skelsplat.io.calibration._entries import camera_of, cameras_of, rotation_of, warn_of_no_lens
 from skelsplat.io.calibration._format import CalibrationFormat, Parsed, RawCamera, Source
-from skelsplat.io.calibration._json import clock_in, clock_of, joint_sigma_of, with_joint_sigma
+from skelsplat.io.calibration._json import clock_of, joint_sigma_of, with_joint_sigma
 
 _REQUIRED = ("matrix", "rotation", "translation")
 _LENS = ("distortion", "distortions")
@@ -90,11 +90,8 @@ def _parse_anipose(source: Source) -> Parsed:
 
 
 def _camera(entry: Field, name: str, lens: str | None, size: str) -> RawCamera:
-    turn, fisheye = rotation_of(entry["rotation"]), entry["fisheye"].flag()
-    camera = camera_of(
-        entry, name, K="matrix", R=turn, t="translation", lens=lens, size=size, fisheye=fisheye
-    )
-    return replace(camera, clock=clock_in(entry))
+    turn = rotation_of(entry["rotation"])
+    return camera_of(entry, name, K="matrix", R=turn, t="translation", lens=lens, size=size, own=True)
 
 
 def _offsets(path: Path, names: Sequence[str]) -> dict[str, Field]:

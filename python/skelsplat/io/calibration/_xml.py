@@ -45,13 +45,12 @@ def _cameras(source: Source, tag: str, kind: str, camera_type: str | None) -> li
     used = [n for n in nodes if n.get("active") != "0" and n.get("calibrated", "true").lower() != "false"]
     kinds = {node: node.get(kind, "none") for node in used}
     chosen = [n for n in used if camera_type == "all" or kinds[n] == "none" or "video" in kinds[n].lower()]
-    chosen = [
-        node for node in chosen if source.keeps(node.get("DEVICEID" if tag == "Camera" else "serial", ""))
-    ]
+    named = "DEVICEID" if tag == "Camera" else "serial"
+    chosen = [node for node in chosen if source.keeps(node.get(named, ""))]
     if not chosen:
         expected = 'an active, calibrated video camera (camera_type="all" takes every camera)'
         raise DatasetError(source.path, kind, expected, ", ".join(sorted(set(kinds.values()))) or "none")
-    names = [node.get("DEVICEID" if tag == "Camera" else "serial", "") for node in chosen]
+    names = [node.get(named, "") for node in chosen]
     turned = [name for name, node in zip(names, chosen, strict=True) if node.get("viewrotation", "0") != "0"]
     if turned:
         words = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import chain, islice, product
@@ -14,9 +14,9 @@ import numpy as np
 
 from skelsplat._arrays import Array
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import array_names, as_numbers, hdf5_mentions
+from skelsplat.io._arrays import array_names, as_numbers, mentions
 from skelsplat.io._files import csv_header, csv_lines, frame_number
-from skelsplat.io._guarded import read_guarded
+from skelsplat.io._guarded import read_guarded, read_hdf5
 from skelsplat.io.detections._csv import SLEAP_ADDED, frame_in, number_in
 from skelsplat.io.detections._format import DetectionFormat, View, array_view, each, joints_of
 
@@ -98,7 +98,7 @@ def read_sleap(path: Path) -> View:
     tracks) without saying so, which the sizes tell. A point without a score was placed by hand and is sure.
     """
     names = [_TRACKS, _SCORES, _NAMES, _EDGES, "track_names"]
-    file: dict[str, Any] = read_guarded("hdf5", path, "a complete HDF5 file", names=names)
+    file = read_hdf5(path, names)
     arrays = file["arrays"]
     for name in (_TRACKS, _NAMES):
         if name not in arrays:
@@ -148,10 +148,6 @@ def edges_of(path: Path, value: Any, nodes: int) -> tuple[tuple[int, int], ...]:
     return tuple((int(a), int(b)) for a, b in places)
 
 
-def _mentions(*names: bytes) -> Callable[[Path], bool]:
-    return lambda path: hdf5_mentions(path, *names)
-
-
 def _is_dlc_csv(path: Path) -> bool:
     return csv_header(path)[:1] == ["scorer"]
 
@@ -159,8 +155,8 @@ def _is_dlc_csv(path: Path) -> bool:
 # what DeepLabCut adds to the camera's name in that of a file, with the name of the network
 _ADDED = r"(?s)DLC_.*"
 # pandas marks its tables in HDF5 with the first; the second is one of the levels of columns
-_IS_DLC = _mentions(b"pandas_type", b"bodyparts")
-_IS_SLEAP = _mentions(b"node_names", b"track")
+_IS_DLC = mentions(b"pandas_type", b"bodyparts")
+_IS_SLEAP = mentions(b"node_names", b"track")
 FORMATS = (
     DetectionFormat("deeplabcut", (".h5",), _IS_DLC, each(read_dlc), added=_ADDED),
     DetectionFormat("deeplabcut_csv", (".csv",), _is_dlc_csv, each(read_dlc_csv), added=_ADDED),

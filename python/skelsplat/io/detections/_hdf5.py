@@ -14,9 +14,9 @@ from skelsplat._arrays import Array, Index
 from skelsplat._budget import MOST_CAMERAS, check_ratio
 from skelsplat._fields import FRAME_LIMIT, Field
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import FRAME_RATES, array_names, as_numbers, hdf5_mentions
+from skelsplat.io._arrays import FRAME_RATES, array_names, as_numbers, hdf5_mentions, mentions
 from skelsplat.io._files import json_document, listed
-from skelsplat.io._guarded import read_guarded
+from skelsplat.io._guarded import read_hdf5
 from skelsplat.io.detections._animals import edges_of
 from skelsplat.io.detections._csv import SLEAP_ADDED
 from skelsplat.io.detections._format import (
@@ -30,11 +30,6 @@ from skelsplat.io.detections._format import (
 )
 
 _NAMED = 8  # views in a message
-
-
-def _read(path: Path, *names: str) -> dict[str, Any]:
-    found: dict[str, Any] = read_guarded("hdf5", path, "a complete HDF5 file", names=names)
-    return found
 
 
 def _only(path: Path, views: Mapping[str, View]) -> View:
@@ -63,7 +58,7 @@ def read_slp(path: Path) -> dict[str, View]:
     user's) or ``pred_points``. A user's instance replaces the predicted one that it was made from, or of its
     track. What is not visible is missing.
     """
-    file = _read(path, "metadata", "videos_json", *_TABLES)
+    file = read_hdf5(path, ["metadata", "videos_json", *_TABLES])
     arrays, about = file["arrays"], file["attributes"].get("metadata", {})
     document = json_document(path, "SLEAP's metadata", _text(path, "metadata", about.get("json", b"")))
     table = {name: _columns(path, arrays, name) for name in _TABLES}
@@ -201,7 +196,7 @@ def read_nwb(path: Path) -> dict[str, View]:
     skeletons = [
         f"{level}/{part}" for level in (_CONTAINERS, f"{_CONTAINERS}/*") for part in ("nodes", "edges")
     ]
-    file = _read(path, f"{_CONTAINERS}/*/", *skeletons)
+    file = read_hdf5(path, [f"{_CONTAINERS}/*/", *skeletons])
     attributes = file["attributes"]
     series = [
         name.rstrip("/")
@@ -210,7 +205,7 @@ def read_nwb(path: Path) -> dict[str, View]:
     ]
     if not series:
         raise DatasetError(path, "processing", "a container PoseEstimation of ndx-pose", "none")
-    parts = _read(path, *(f"{name}/{part}" for name in series for part in _PARTS))
+    parts = read_hdf5(path, [f"{name}/{part}" for name in series for part in _PARTS])
     animals: dict[str, dict[str, dict[str, _Series]]] = {}
     for name in series:
         _, module, container, node = name.split("/")
@@ -295,7 +290,7 @@ _MPII = (
 
 def read_hourglass(path: Path) -> View:
     """Read ``poses`` (T, 16, 2) of a stacked hourglass, MPII's joints, as 3d-pose-baseline has Human3.6M."""
-    pixels = as_numbers(path, "poses", _read(path, "poses")["arrays"].get("poses"))
+    pixels = as_numbers(path, "poses", read_hdf5(path, ["poses"])["arrays"].get("poses"))
     if pixels.ndim != 3 or pixels.shape[1:] != (len(_MPII), 2):
         raise DatasetError(path, "poses", f"pixels of shape (T, {len(_MPII)}, 2)", pixels.shape)
     joints = joints_of(path, "poses", pixels[:, None], None, clip=False)
@@ -307,16 +302,12 @@ def _is_hourglass(path: Path) -> bool:
     return hdf5_mentions(path, b"poses") and not any(hdf5_mentions(path, name) for name in others)
 
 
-def _mentions(*names: bytes) -> Callable[[Path], bool]:
-    return lambda path: hdf5_mentions(path, *names)
-
-
 def _format(
     name: str, suffix: str, read: Callable[[Path], dict[str, View]], *marks: bytes
 ) -> DetectionFormat:
     """Return a format whose files have one camera each, or all."""
     one, every = (lambda path: _only(path, read(path))), (lambda path, _: Recording(read(path), named=True))
-    return DetectionFormat(name, (suffix,), _mentions(*marks), each(one), recording=every, added=SLEAP_ADDED)
+    return DetectionFormat(name, (suffix,), mentions(*marks), each(one), recording=every, added=SLEAP_ADDED)
 
 
 FORMATS = (

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
 
 from skelsplat._arrays import Array
-from skelsplat._atomic import atomic_write
+from skelsplat._atomic import atomic_write_text
 from skelsplat._skeleton import Animation, Skeleton
 from skelsplat.io.poses._animation import Bones, animated
 from skelsplat.io.poses._pose_data import Poses
@@ -41,12 +42,10 @@ def write_bvh(
     order = _order(animation.skeleton, 0)
     parts = [part for k in order for part in (animation.moves.get(k), angles[:, k]) if part is not None]
     rows = np.concatenate(parts, axis=1)
-    with atomic_write(path) as stream:
-        lines = ["HIERARCHY", *_tree(animation, 0, 0), "MOTION", f"Frames: {len(rows)}"]
-        lines.append(f"Frame Time: {1.0 / animation.frame_rate:.8f}")
-        stream.write("".join(f"{line}\n" for line in lines).encode())
-        for row in rows:
-            stream.write((" ".join(f"{value:.5f}" for value in row.tolist()) + "\n").encode())
+    lines = ["HIERARCHY", *_tree(animation, 0, 0), "MOTION", f"Frames: {len(rows)}"]
+    lines.append(f"Frame Time: {1.0 / animation.frame_rate:.8f}")
+    moves = (" ".join(f"{value:.5f}" for value in row.tolist()) for row in rows)
+    atomic_write_text(path, (f"{line}\n" for line in chain(lines, moves)))
 
 
 def _order(skeleton: Skeleton, part: int) -> Iterator[int]:

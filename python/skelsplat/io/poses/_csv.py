@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._arrays import Index, medians
-from skelsplat._atomic import atomic_write
+from skelsplat._atomic import atomic_write_text
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._arrays import FRAME_RATES
@@ -43,10 +43,7 @@ def write_csv(path: str | os.PathLike[str], data: Poses) -> None:
     """
     _, frames, parts = parts_of(data)
     start = int(frames[0]) if frames.size else 0
-    with atomic_write(path) as stream:
-        stream.write(csv_text([COLUMNS]).encode())
-        for part in parts:
-            stream.write(csv_text(rows_of(part, start)).encode())
+    atomic_write_text(path, csv_text([COLUMNS]), (csv_text(rows_of(part, start)) for part in parts))
 
 
 def csv_text(rows: Iterable[Sequence[Any]]) -> str:

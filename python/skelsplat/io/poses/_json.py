@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._atomic import atomic_write
+from skelsplat._atomic import atomic_write_text
 from skelsplat._budget import check_ratio
 from skelsplat._fields import Field
 from skelsplat.exceptions import DatasetError
@@ -45,10 +45,7 @@ def write_json(path: str | os.PathLike[str], data: Poses) -> None:
     ``error_bar``, which is not read. What does not exist is null: a number, or a whole joint in ``pose`` and
     the covariances.
     """
-    with atomic_write(path) as stream:
-        for text in _texts(data, _head(FORMAT)):
-            stream.write(text.encode())
-        stream.write(b"\n")
+    atomic_write_text(path, _texts(data, _head(FORMAT)), "\n")
 
 
 def people_text(people: Mapping[int, PoseData]) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._atomic import atomic_write
 from skelsplat.io._arrays import Arrays, Made, array_names, frame_numbers, load_plain_npz, npz_keys, npz_rows
-from skelsplat.io._arrays import write_npz as write_pieces
+from skelsplat.io._arrays import write_npz as write_arrays
 from skelsplat.io.poses._pose_data import ARRAYS, PoseData, PoseParts, Poses, checked, parts_of
 
 _KEYS = tuple(entry.name for entry in fields(PoseData))
@@ -45,10 +45,7 @@ def write_npz(path: str | os.PathLike[str], data: Poses, *, run: str | None = No
     if run is not None:
         arrays["run"] = np.array(run)
     with atomic_write(path) as stream:
-        if isinstance(data, PoseParts):
-            write_pieces(stream, arrays)
-        else:
-            np.savez_compressed(stream, **arrays)
+        write_arrays(stream, arrays)
 
 
 @checked

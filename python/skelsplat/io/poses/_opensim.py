@@ -47,7 +47,9 @@ def write_opensim(folder: Path, data: PoseData, up: Array, frame_rate: float | N
     """
     rate = known_frame_rate(data, frame_rate, "TRC")
     model = ik_model(data.joint_names)
-    markers = as_markers(_turned(data, up), "pose2sim")
+    pose = data.pose @ with_y_up(up).T
+    turned = PoseData(pose, data.joint_names, data.frames, data.unit, uncertainty=data.uncertainty)
+    markers = as_markers(turned, "pose2sim")
     wanted = {name: w for name, w in IK_SETUPS[model].weights.items() if (model, name) not in _MISPLACED}
     seen = np.asarray(np.isfinite(markers.pose).all(axis=-1))
     kept = [k for k, name in enumerate(markers.joint_names) if name in wanted and seen[:, k].any()]
@@ -62,12 +64,6 @@ def write_opensim(folder: Path, data: PoseData, up: Array, frame_rate: float | N
     write_trc(path, PoseData(pose, names, data.frames[rows], data.unit), frame_rate=rate)
     atomic_write_text(setup, _SETUP.format(tasks=tasks, first=first, last=last))
     atomic_write_text(script, _SCRIPT.format(model=_MARKERS.get(model, model)))
-
-
-def _turned(data: PoseData, up: Array) -> PoseData:
-    """Return the positions with y up, and their scatter."""
-    pose = data.pose @ with_y_up(up).T
-    return PoseData(pose, data.joint_names, data.frames, data.unit, uncertainty=data.uncertainty)
 
 
 def _scatter_mm(markers: PoseData, seen: Mask) -> Array:

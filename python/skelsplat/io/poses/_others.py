@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from skelsplat._arrays import Array
-from skelsplat._atomic import atomic_write
+from skelsplat._atomic import atomic_write, atomic_write_text
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.io.poses._csv import csv_text
 from skelsplat.io.poses._pose_data import PoseData, Poses, over_views, parts_of
@@ -32,10 +32,8 @@ def write_anipose(path: str | os.PathLike[str], data: Poses) -> None:
     """
     head, _, parts = parts_of(data)
     columns = [f"{joint}_{part}" for joint in head.joint_names for part in _OF_JOINT]
-    with atomic_write(path) as stream:
-        stream.write(csv_text([[*columns, *_WORLD, "fnum"]]).encode())
-        for part in parts:
-            stream.write(csv_text(_rows(part)).encode())
+    header = csv_text([[*columns, *_WORLD, "fnum"]])
+    atomic_write_text(path, header, (csv_text(_rows(part)) for part in parts))
 
 
 def _rows(data: PoseData) -> Iterator[list[Any]]:

@@ -14,8 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from skelsplat._arrays import Array, Index
-from skelsplat._atomic import atomic_write
+from skelsplat._atomic import atomic_write_text
 from skelsplat._budget import read_text
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -56,21 +55,17 @@ def write_trc(
     names = named(head.joint_names, marker_names)
     check_trc_names(names)
     start = int(frames[0]) if frames.size else 0
-    with atomic_write(path) as stream:
-        lines = _header(Path(path).name, names, len(frames), rate, unit)
-        stream.write("".join(f"{line}\n" for line in lines).encode())
-        for part in parts:
-            points = as_markers(part, marker_names).pose * (MM_PER_UNIT[head.unit] / MM_PER_UNIT[unit])
-            rows = _rows(points[..., Y_UP] if y_up else points, part.frames - start, rate, _DECIMALS[unit])
-            stream.write("".join(f"{row}\n" for row in rows).encode())
 
+    def rows(part: PoseData) -> Iterator[str]:
+        points = as_markers(part, marker_names).pose * (MM_PER_UNIT[head.unit] / MM_PER_UNIT[unit])
+        points = points[..., Y_UP] if y_up else points
+        for step, pose in zip((part.frames - start).tolist(), points, strict=True):
+            values = pose.ravel().tolist()
+            fields = [f"{value:.{_DECIMALS[unit]}f}" if math.isfinite(value) else "" for value in values]
+            yield "\t".join([str(step + 1), f"{step / rate:.6f}", *fields, ""]) + "\n"
 
-def _rows(points: Array, steps: Index, rate: float, decimals: int) -> Iterator[str]:
-    """Yield the rows of points (T, N, 3), ``steps`` (T,) after the first frame."""
-    for step, pose in zip(steps.tolist(), points, strict=True):
-        values = pose.ravel().tolist()
-        fields = [f"{value:.{decimals}f}" if math.isfinite(value) else "" for value in values]
-        yield "\t".join([str(step + 1), f"{step / rate:.6f}", *fields, ""])
+    header = _header(Path(path).name, names, len(frames), rate, unit)
+    atomic_write_text(path, (f"{line}\n" for line in header), (row for part in parts for row in rows(part)))
 
 
 def check_trc_names(names: Sequence[str]) -> None:

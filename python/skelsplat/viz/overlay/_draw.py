@@ -7,11 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelsplat._arrays import Array, ArrayFields, Mask
-from skelsplat.viz._body import Skeleton
+from skelsplat.viz._body import SIGMAS, Skeleton
 from skelsplat.viz.overlay import _marks
 from skelsplat.viz.overlay._marks import Colour, Image, Sizes
-
-SIGMAS = 2.0
 
 
 @dataclass(frozen=True)

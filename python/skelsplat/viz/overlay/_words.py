@@ -15,8 +15,9 @@ from PIL import ImageDraw, ImageFont
 from skelsplat._arrays import Array
 from skelsplat._escape import escaped
 from skelsplat.viz import _style
+from skelsplat.viz._body import SIGMAS
 from skelsplat.viz.overlay import _marks
-from skelsplat.viz.overlay._draw import SIGMAS, Shown, draw_detection, draw_joint, draw_limb, draw_swapped
+from skelsplat.viz.overlay._draw import Shown, draw_detection, draw_joint, draw_limb, draw_swapped
 from skelsplat.viz.overlay._marks import DARK, LIGHT, Colour, Image, Sizes
 
 Symbol = Callable[[Image, Array], None]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from html import escape
+
+from skelsplat._words import Table
 
 Problem = tuple[int, int, str]
 """First frame, last frame, and the words of what they have in common."""
@@ -13,22 +14,6 @@ Sentence = tuple[str, Sequence[str]]
 """A sentence, and what is typed or written somewhere because of it: settings, a command."""
 
 _MOST_PROBLEMS = 500
-
-
-@dataclass(frozen=True)
-class Table:
-    """Cells as texts; the first of a row names it.
-
-    Columns are (head, what its numbers are in words); ``total`` is a last row for all. ``marks`` are, of each
-    row, the class of its name in the page's style and the address that it links to, or ``""``.
-    """
-
-    title: str
-    columns: Sequence[tuple[str, str]]
-    rows: Sequence[Sequence[str]]
-    total: Sequence[str] = ()
-    marks: Sequence[tuple[str, str]] = ()
-    hint: str = ""
 
 
 def tag(name: str, inner: str, **attributes: str) -> str:

@@ -20,11 +20,12 @@ from skelsplat._arrays import Array, ArrayFields, Index
 from skelsplat._atomic import atomic_write_text
 from skelsplat._json import plain
 from skelsplat._optional import require
+from skelsplat._words import Table
 from skelsplat.viz import _style
 from skelsplat.viz._body import not_ok_in_words
 from skelsplat.viz.curves import limits
 from skelsplat.viz.report import _html
-from skelsplat.viz.report._html import Problem, Sentence, Table, tag
+from skelsplat.viz.report._html import Problem, Sentence, tag
 from skelsplat.viz.report._scene import (
     CameraShapes,
     Sequence3D,
@@ -278,7 +279,7 @@ def _named(name: str, place: int) -> str:
 
 def _sections(data: ReportData) -> str:
     """Return what lies between the 3D view and the frames with a problem."""
-    sequence, parts = data.sequence, [_html.table(one) for one in data.tables if one.rows]
+    sequence, parts = data.sequence, [_html.table(one) for one in data.tables]
     findings = [
         f"{tag('h3', _named(name, place), id=f'on-{place}')}\n{_html.bullets(sentences)}"
         for place, (name, sentences) in data.by_person
