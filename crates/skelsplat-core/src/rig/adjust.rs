@@ -9,7 +9,7 @@ use super::evidence::{Bars, bars, is_worse, total, wald};
 use super::placed::{Change, Freedom, Placed, rebuilt};
 use super::reduced::Reduced;
 use super::report::{CameraAdjustment, CameraStatus, RigAdjustment};
-use super::scene::{JointMotion, Scene};
+use super::scene::{JointMotion, Scene, spread};
 use super::search::{CONFIRMED_WALD, Explanation, Fault, Scope, SearchResult, Supposed, both};
 use super::unsteady::ClockChange;
 use crate::batch::Progress;
@@ -501,13 +501,4 @@ fn divided(n: usize) -> (Vec<usize>, Vec<usize>) {
     let (judged, fitted): (Vec<usize>, Vec<usize>) =
         (0..n).partition(|t| (t * parts / n) % EVERY == LEFT_OUT);
     (spread(&fitted, FITTED), spread(&judged, JUDGED))
-}
-
-/// At most so many, evenly spread.
-pub(super) fn spread(frames: &[usize], most: usize) -> Vec<usize> {
-    let n = frames.len();
-    if n <= most {
-        return frames.to_vec();
-    }
-    (0..most).map(|k| frames[(2 * k + 1) * n / (2 * most)]).collect()
 }

@@ -5,13 +5,12 @@ pub(super) mod knocked;
 
 use nalgebra::{DVector, Vector3};
 
-use super::adjust::spread;
 use super::bundle::{Lenses, PER_NOISE};
 use super::evidence::Bars;
 use super::gauge::{Sureness, Zooms};
 use super::lenses::{FOCAL_SIGMA, LensPosterior, ONE_MAKE};
 use super::placed::{Freedom, Placed, rebuilt};
-use super::scene::{JointMotion, Scene};
+use super::scene::{JointMotion, Scene, spread};
 use super::search::{Explanation, LEAST, Scope};
 use crate::batch::Progress;
 use crate::bones::expected::{Shown, stature};
@@ -431,8 +430,9 @@ impl Task<'_> {
         RigCalibration { cameras, stature, joint_sigma, moved: None }
     }
 
-    /// By how much cameras may be turned so that all their detections are off alike, rad. Of the 2 m
-    /// coordinates of a joint, three place it, so that distances from it are less than the noise.
+    /// By how much cameras may be turned so that all their detections are off alike, rad. Of the
+    /// 2 m coordinates of a joint, three place it, so that distances from it are less than the
+    /// noise.
     fn turns(&self, cameras: &[Placed], fit: &Fit) -> Vec<f64> {
         let seen = 2.0 * cameras.len() as f64;
         let noise = fit.noise * (seen / (seen - 3.0)).sqrt();

@@ -41,7 +41,8 @@ pub struct CameraAdjustment {
     /// What became of it.
     pub status: CameraStatus,
     /// From the given camera to the adjusted one; to the supposed one of a late or doubtful camera,
-    /// which is not applied, and to where one is that was moved meanwhile. Lengths in the unit of the cameras.
+    /// which is not applied, and to where one is that was moved meanwhile. Lengths in the unit of
+    /// the cameras.
     pub change: Change,
     /// Error bars of the change; of a sound camera, how far off it may be all the same.
     pub bars: Bars,

@@ -214,3 +214,12 @@ impl<'a> Scene<'a> {
         points.iter().enumerate().filter(|(_, x)| x.x.is_finite()).filter_map(distance).collect()
     }
 }
+
+/// At most so many, evenly spread.
+pub(super) fn spread(frames: &[usize], most: usize) -> Vec<usize> {
+    let n = frames.len();
+    if n <= most {
+        return frames.to_vec();
+    }
+    (0..most).map(|k| frames[(2 * k + 1) * n / (2 * most)]).collect()
+}
