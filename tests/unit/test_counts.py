@@ -13,13 +13,13 @@ from planted import FAULTS
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 40_237,
-    "cli": 3_472,
-    "core": 19_851,
-    "binding": 2_760,
-    "Rust tests": 5_997,
-    "Python tests": 27_320,
-    "benchmarks and tools": 4_172,
+    "package": 40_170,
+    "cli": 3_910,
+    "core": 20_073,
+    "binding": 2_764,
+    "Rust tests": 6_050,
+    "Python tests": 27_321,
+    "benchmarks and tools": 4_177,
     "docs, words": 41_977,
     "README, words": 1_462,
 }
