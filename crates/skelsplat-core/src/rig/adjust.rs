@@ -93,7 +93,7 @@ pub fn adjust_cameras(
             clock => clock,
         };
         changes.iter().for_each(|Changes { view, .. }| task.put_back(&mut found, *view));
-        task.report(&found, &bars, changes, cameras, unit)
+        task.report(&found, &bars, changes.as_ref(), cameras, unit)
     })
 }
 
@@ -381,7 +381,7 @@ impl Task<'_> {
         &self,
         found: &SearchResult,
         bars: &[Bars],
-        changes: Option<Changes>,
+        changes: Option<&Changes>,
         cameras: &[Camera],
         unit: Unit,
     ) -> Result<RigAdjustment> {
@@ -390,7 +390,7 @@ impl Task<'_> {
         let mm = unit.millimetres();
         let of_camera = |i: usize| {
             let (mut change, mut bars, mut status) = self.verdict(found, bars, i);
-            let changes = changes.as_ref().filter(|changes| changes.view == i);
+            let changes = changes.filter(|changes| changes.view == i);
             if let Some(changes) = changes {
                 (change, status) = (changes.change, changes.status);
                 bars = changes.bars.unwrap_or(bars);
