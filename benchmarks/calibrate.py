@@ -7,10 +7,10 @@
 Simulated: ten seconds (with clocks: twenty, started up to ten apart) at 30 Hz of CMU takes of one subject,
 each begun where the one before ended (without the data: the package's synthetic motions), and detections with
 memory (`recordings.noise`). A case says what is known: `known` or unknown focal lengths, `focal`, or `same`
-of all; `wide` lenses of 60 to 110° instead of the room's 47°; `occluded 2`, `occluded 3`; `clocks`; `rates`:
-cameras of 30, 60, 25 and 50 Hz; `useless`: one camera sees another take; `knocked`: one is turned by 3°
-between 0.3 and 0.7 of the time, and right as in the longer part; named: it is, or any other. *moves*: the
-person covers a metre along an axis.
+of all; lenses `wide`, of 60 to 110°, or as of `phones`, instead of the room's 47°; `occluded 2`, `occluded 3`;
+`clocks`; `rates`: cameras of 30, 60, 25 and 50 Hz; `useless`: one camera sees another take; `knocked`: one is
+turned by 3° between 0.3 and 0.7 of the time, and right as in the longer part; named: it is, or any other.
+*moves*: the person covers a metre along an axis.
 
 Several people: a case with `2 people` or `3 people`, `simulate_scene` in a ring of cameras at one height, and
 with `bystander` one whom two cameras see. oracle: the same with the true association, which is not given
@@ -60,7 +60,7 @@ RATES = (30.0, 60.0, 25.0, 50.0)
 # Frames in which one take passes into the next, and headings of which the one is taken that stays nearest.
 BLEND, HEADINGS = 15, 24
 WIDE_DEG, KNOCKED_DEG = (60.0, 110.0), 3.0
-# Main cameras of phones, of a film 36 mm wide.
+# Focal lengths of phones' main cameras, for an image 36 mm wide.
 PHONES_MM = (24.0, 28.0)
 # Several people: distance of the cameras from the middle of the room, and what the people do.
 ROOM_MM, MEETINGS = 4500.0, ("cross", "handover", "circle", "behind", "leave")
@@ -128,10 +128,11 @@ def simulated(views: int, seed: int, case: str) -> Recording:
         return crowded(views, seed, case)
     rng, cameras = np.random.default_rng([seed, views]), list(scenarios.rig(views))
     if "wide" in case or "phones" in case:
-        widths = [np.degrees(2 * np.arctan(18 / rng.uniform(*PHONES_MM))) for _ in cameras]
-        if "wide" in case:
-            widths = [rng.uniform(*WIDE_DEG) for _ in cameras]
-        focal = [c.size[0] / 2 / np.tan(np.radians(w) / 2) for c, w in zip(cameras, widths, strict=True)]
+        halves = [
+            np.tan(np.radians(rng.uniform(*WIDE_DEG)) / 2) if "wide" in case else 18 / rng.uniform(*PHONES_MM)
+            for _ in cameras
+        ]
+        focal = [c.size[0] / 2 / half for c, half in zip(cameras, halves, strict=True)]
         zooms = [f / c.K[0, 0] for c, f in zip(cameras, focal, strict=True)]
         lenses = [np.array([[zoom, 1, 1], [1, zoom, 1], [1, 1, 1]]) for zoom in zooms]
         cameras = [altered(c, K=c.K * lens) for c, lens in zip(cameras, lenses, strict=True)]
