@@ -7,7 +7,7 @@
 Simulated: ten seconds (with clocks: twenty, started up to ten apart) at 30 Hz of CMU takes of one subject,
 each begun where the one before ended (without the data: the package's synthetic motions), and detections with
 memory (`recordings.noise`). A case says what is known: `known` or unknown focal lengths, `focal`, or `same`
-of all; lenses `wide`, of 60 to 110°, or as of `phones`, instead of the room's 47°; `occluded 2`, `occluded 3`;
+of all; lenses `wide`, of 60 to 110°, or of `phones`, instead of the room's 47°; `occluded 2`, `occluded 3`;
 `clocks`; `rates`: cameras of 30, 60, 25 and 50 Hz; `useless`: one camera sees another take; `knocked`: one is
 turned by 3° between 0.3 and 0.7 of the time, and right as in the longer part; named: it is, or any other.
 *moves*: the person covers a metre along an axis.
