@@ -30,8 +30,6 @@ const LEAST_GIVEN: usize = 1;
 const MOVED: f64 = 100.0;
 /// The farthest that they may, mm: three standard deviations.
 pub(crate) const LEAP: f64 = 3.0 * MOVED;
-/// Places nearer to each other than this multiple of the kernel are one.
-pub(super) const APART: f64 = 4.0;
 
 /// How many views agree on every joint at a solution, and how many see it.
 pub(super) struct Votes {
@@ -171,7 +169,8 @@ impl PlaceSearch<'_> {
         // Every ray passes somewhere: a detection determines a place with another or with a bone.
         let has_bone = self.bones.iter().any(|bone| bone.joints.contains(&j));
         if found.is_empty() || self.votes.agree[j] > if has_bone { 0 } else { 1 } {
-            found.retain(|y| (y - x).norm() > APART * self.solution.sigma[j]);
+            // It would return from within its kernel.
+            found.retain(|y| (y - x).norm() > self.solution.sigma[j]);
             found.insert(0, x);
         }
         found.retain(|x| x.x.is_finite());
@@ -258,8 +257,9 @@ fn shown_stature(proportions: &[Proportion], solution: &Solution, votes: &Votes)
     let shown = |p: &Proportion| {
         let [a, b] = p.joints;
         let agree = votes.agree[a].min(votes.agree[b]);
+        let few = if agree < ENOUGH { 4.0 } else { 1.0 };
         let length = (solution.points[a] - solution.points[b]).norm();
-        (agree > 1).then_some(Shown { proportion: *p, length, variance: 2.0 * noise })
+        (agree > 1).then_some(Shown { proportion: *p, length, variance: few * 2.0 * noise })
     };
     stature(proportions.iter().filter_map(shown))
 }

@@ -28,7 +28,7 @@ impl RunningLength {
         if !(variance.is_finite() && length > 0.0) {
             return;
         }
-        self.count = self.count + 1.0;
+        self.count += 1.0;
         if self.count == 1.0 {
             (self.mean, self.square, self.noise) = (length, variance, variance);
             return;
