@@ -8,10 +8,10 @@ from reference.arrays import Array, View
 from reference.rays import Rays, make_rays, offsets
 
 DOUBT = 1.5  # pseudo-joints that do not fit
-LEAST_ANGLE = 0.01  # sin² of two rays that meet
+LEAST_ANGLE = 1e-8  # sin² of two rays that meet
 FARTHEST = 32.0  # |e|²/σ² from which k is 0
-FITS, UNSEEN, INSIDE, KERNEL = 0.35, 0.3, 0.7, 0.7
-STATURE, PROPORTION, LEAST_BONES = (1600.0, 350.0), 0.3, 0.35
+FITS, UNSEEN, INSIDE, KERNEL = 0.35, 0.3, 0.5, 0.7
+STATURE, PROPORTION = (1600.0, 350.0), 0.3
 
 # Length over stature of the bones of Human3.6M (Winter's table), ends without their sides.
 RATIOS = {
@@ -103,10 +103,7 @@ def support(
 ) -> float:
     """Support of a newcomer among free figures."""
     best = np.max([at_body(figure, pose, KERNEL * sigma, mirror) for figure in slots], axis=0)
-    own = human(pose, lengths)
-    if own < LEAST_BONES:
-        return 0.0
-    return own * sum(
+    return human(pose, lengths) * sum(
         score if score >= FITS else (-UNSEEN if sees(view, pose) else 0.0)
         for score, view in zip(best, views, strict=True)
     )

@@ -17,12 +17,12 @@ from reference.arrays import Array
 from reference.rays import Rays, information, offsets
 
 REACH = 6.0
-MOTION_REACH, MOTION_SPAN, TRUST_SPAN = 4.0, 0.05, 0.1
+MOTION_REACH, MOTION_SPAN, TRUST_SPAN = 6.0, 0.1, 0.1
 CLOSE, LEAST_CLOSE = 0.7, 3
 AGREES = 0.25
-SPAN, AROUND, PRIOR, PRIOR_TIME, LEAST = 0.4, 0.3, 6.0, 0.2, 6
+SPAN, AROUND, PRIOR, PRIOR_TIME, LEAST = 0.4, 0.5, 6.0, 0.2, 6
 CLEAR, SOFT, LEAST_WHITE, USUAL_AGILITY = 12.0, 1.0, 0.1, 2.5e6
-SLOWEST, FASTEST, SLOW_RATE, SHARE = 0.5, 0.5, 15.0, 0.5
+SLOW_RATE, SHARE = 15.0, 0.5
 
 
 class Model(NamedTuple):
@@ -111,11 +111,11 @@ def agility(alone: Array, rays: Sequence[Rays], model: Model) -> Array:
             squares = usual[:, j] * ratio / (prior + counts[:, joints].sum(axis=1))
             share = rate + (1 - rate) * counts[0, j] / (counts[0, j] + prior)
             free = share * densities(squares, white[j], long) * model.variance[j] / white[j]
-            cutoffs = 2 * np.pi * np.array([min(SLOWEST, FASTEST * model.fps), FASTEST * model.fps])
             left = np.clip(CLEAR / 6 + SOFT / 2 - squares / (6 * white[j]), 0, SOFT) / SOFT
             left[-1] = 0
             shown = np.concatenate([[1.0], np.cumprod(left[:-1])]) * (1 - left)
-            out[t, j] = shown @ np.clip(free, *(cutoffs**4 * model.variance[j] / model.fps))
+            fastest = (np.pi * model.fps) ** 4 * model.variance[j] / model.fps
+            out[t, j] = shown @ np.minimum(free, fastest)
     return out
 
 
@@ -197,8 +197,8 @@ def normal_equations(
 
 OCTAVES = np.arange(29) / 2 - 4
 WRONG, ANYWHERE = (0.02, 0.1, 0.25, 0.45, 0.65), 320.0
-OF_CLASS, OF_VIEW, OF_CELL, OF_TIME = 1.5, 1.0, 0.5, 1.0
-MOST_FRAMES, MIDDLE, INDEPENDENT, TAKEN, LEAST_SUPPORT = 6.0, 1.0, 0.2, 0.7, 1.6
+FACTOR = 1.0
+MOST_FRAMES, MIDDLE, INDEPENDENT, TAKEN, LEAST_SUPPORT = 6.0, 1.0, 0.2, 0.7, 1.5
 
 
 def residuals(x: Array, rays: Sequence[Rays], model: Model, held: Weights) -> tuple[Array, Array]:
@@ -249,9 +249,9 @@ def learnt(squares: Array, left: Array, variance: Array, classes: Array) -> tupl
     of_view = np.zeros(M)
     for _ in range(3):
         known = less(of_view[:, None])
-        of_class = [mean(known[:, classes == own].sum(axis=(0, 1)), shared, OF_CLASS) for own in classes]
-        of_view = np.array([mean(own.sum(axis=0), 0.0, OF_VIEW) for own in less(np.array(of_class))])
-    own = [[mean(cells[m, n], of_class[n] + of_view[m], OF_CELL) for n in range(N)] for m in range(M)]
+        of_class = [mean(known[:, classes == own].sum(axis=(0, 1)), shared, 1.5 * FACTOR) for own in classes]
+        of_view = np.array([mean(own.sum(axis=0), 0.0, FACTOR) for own in less(np.array(of_class))])
+    own = [[mean(cells[m, n], of_class[n] + of_view[m], FACTOR / 2) for n in range(N)] for m in range(M)]
     return usual * 2.0 ** np.array(own), WRONG[best]
 
 
@@ -262,6 +262,6 @@ def in_time(squares: Array, left: Array, variance: Array, wrong: float, fps: flo
     out = np.ones(squares.shape[1::-1])
     for t in range(len(log)):
         near = log[max(t - reach, 0) : t + reach + 1].sum(axis=0)
-        shared = mean(near.sum(axis=0), 0.0, OF_TIME)
-        out[:, t] = [2.0 ** mean(own, shared, OF_CELL) for own in near]
+        shared = mean(near.sum(axis=0), 0.0, FACTOR)
+        out[:, t] = [2.0 ** mean(own, shared, FACTOR / 2) for own in near]
     return out

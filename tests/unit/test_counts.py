@@ -15,12 +15,12 @@ from planted import FAULTS
 CEILINGS = {
     "package": 40_170,
     "cli": 3_910,
-    "core": 20_073,
+    "core": 19_908,
     "binding": 2_764,
     "Rust tests": 6_050,
-    "Python tests": 27_321,
+    "Python tests": 27_319,
     "benchmarks and tools": 4_178,
-    "docs, words": 41_977,
+    "docs, words": 41_969,
     "README, words": 1_462,
 }
 

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 pub const FARTHEST: f64 = 1e30;
 
 /// A smaller confidence is none: products of a few such numbers would be 0.
-const LEAST_CONFIDENCE: f64 = 1e-30;
+const LEAST_CONFIDENCE: f64 = 1.0 / FARTHEST;
 
 /// Index of the first value outside ±[`FARTHEST`]; NaN is none.
 pub fn too_far(values: &[f64]) -> Option<usize> {

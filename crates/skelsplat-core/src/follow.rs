@@ -2,14 +2,12 @@
 
 use nalgebra::Vector3;
 
+use crate::annealed::places::LEAP;
 use crate::batch::{Progress, refine_batch};
 use crate::detections::Detections;
 use crate::error::{Error, Result};
 use crate::outcome::JointStatus;
 use crate::refine::{Frame, Method, Refinement, Refiner};
-
-/// Upper limit of a joint's movement between frames, mm: 7.5 m/s at 25 frames per second.
-const LEAP_MM: f64 = 300.0;
 
 /// Refines the frame after those with the last known positions `past` `(N)`, in the unit of the
 /// cameras, NaN where unknown (`None`: from the detections only). Also returns the past of the next
@@ -67,7 +65,7 @@ fn reliable(refined: &Refinement) -> Vec<Vector3<f64>> {
 fn remembered(refined: &Refinement, past: Option<&[Vector3<f64>]>, mm: f64) -> Vec<Vector3<f64>> {
     let joint = |(j, (x, status)): (usize, (&Vector3<f64>, &JointStatus))| {
         let before = past.map_or(MISSING, |past| past[j]);
-        let leapt = (x - before).norm() * mm > LEAP_MM;
+        let leapt = (x - before).norm() * mm > LEAP;
         let known = x.iter().all(|v| v.is_finite());
         if known && !(leapt && *status == JointStatus::Weak) { *x } else { before }
     };

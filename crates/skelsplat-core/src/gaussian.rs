@@ -7,15 +7,10 @@
 use nalgebra::{Matrix3, Vector3, Vector4};
 
 use crate::error::{Error, Result};
+use crate::settings::ROUNDING;
 
 /// Largest logarithm of a standard deviation: e⁵⁰ mm is 500 light years.
 const FARTHEST_LOG_SCALE: f64 = 50.0;
-/// Below this the square of a quaternion's norm can underflow.
-const ZERO_QUATERNION: f64 = 1e-100;
-/// Asymmetry due to rounding, relative to the largest entry.
-const ASYMMETRY: f64 = 1e-6;
-/// Negative variance due to rounding, relative to the largest entry.
-const NEGATIVE_VARIANCE: f64 = 1e-9;
 
 /// A joint: mean μ (mm), log-scales s (σ = exp s, mm) and quaternion q (w, x, y, z).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,7 +58,7 @@ impl Gaussian {
                     s.to_string(),
                 ));
             }
-            if gaussian.quaternion.iter().all(|v| v.abs() < ZERO_QUATERNION) {
+            if gaussian.quaternion.norm_squared() < f64::MIN_POSITIVE {
                 let expected = "a non-zero quaternion (w, x, y, z)";
                 return Err(Error::invalid(format!("quaternions[{j}]"), expected, "zeros"));
             }
@@ -111,7 +106,7 @@ impl Gaussian {
 
 /// Whether a matrix is symmetric up to rounding.
 pub fn is_symmetric(matrix: &Matrix3<f64>) -> bool {
-    (matrix - matrix.transpose()).amax() <= ASYMMETRY * matrix.amax()
+    (matrix - matrix.transpose()).amax() <= ROUNDING * matrix.amax()
 }
 
 /// Rejects matrices that are not covariances, as `name[j]`; missing values (NaN) are allowed.
@@ -128,7 +123,7 @@ pub fn check_covariances(name: &str, covariances: &[Matrix3<f64>]) -> Result<()>
             return wrong("a symmetric matrix", "an asymmetric one".to_owned());
         }
         let least = c.symmetric_eigenvalues().min();
-        if least < -NEGATIVE_VARIANCE * c.amax().max(f64::MIN_POSITIVE) {
+        if least < -ROUNDING * c.amax().max(f64::MIN_POSITIVE) {
             return wrong("no negative variance", format!("a variance of {least:.3e}"));
         }
     }

@@ -16,6 +16,10 @@ impl<T> Number for T where
 {
 }
 
+/// Determinant, relative to the cube of the mean eigenvalue, below which cofactors lose more than
+/// half of the digits to rounding: that of two rays at 0.1 mrad from each other.
+pub(crate) const ILL_CONDITIONED: f64 = 1e-8;
+
 /// A symmetric 3×3 matrix: xx, xy, xz, yy, yz, zz.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Symmetric<T = f64>(pub(crate) [T; 6]);

@@ -134,9 +134,12 @@ impl Kind {
     }
 }
 
-/// Largest number of any setting: squares and products of a few of them stay well within the range
-/// of a double.
-const MOST: f64 = 1e9;
+/// Largest number of any setting and of a camera: squares and products of a few of them stay well
+/// within the range of a double.
+pub(crate) const MOST: f64 = 1e9;
+/// What rounding to single precision may leave of a zero, an asymmetry or a negative variance,
+/// relative to the other entries of a matrix.
+pub(crate) const ROUNDING: f64 = 1e-6;
 /// Smallest positive number of a setting.
 const LEAST: f64 = 1e-15;
 

@@ -1,8 +1,8 @@
 //! Several people: who is who across views and over time.
 
 use nalgebra::Vector3;
-use skelsplat_core::study::annealed::rays::Ray;
-use skelsplat_core::study::people::score::{assign, meet};
+use skelsplat_core::study::annealed::rays::{Ray, meet};
+use skelsplat_core::study::people::score::assign;
 use skelsplat_core::study::people::{Identity, identify};
 use skelsplat_core::{Camera, Detections, Person, Progress, RefineConfig, Tracker, track};
 use skelsplat_tests::scenes::{Noise, h36m, mean_error, noisy_detections, refiner, room, standing};

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::depth::have_parallax;
-use super::rays::{Ray, midpoint, nearest_with_spread};
+use super::rays::{Ray, meet, nearest};
 
 /// Weight k below which a detection is rejected: |e| above 2.4 σ.
 pub const REJECTED: f64 = 0.25;
@@ -23,21 +23,13 @@ pub(super) fn agrees(ray: &Ray, x: &Vector3<f64>, sigma: f64) -> bool {
 pub(super) fn settled(rays: &[Ray], x: Vector3<f64>, sigma: f64) -> Vector3<f64> {
     let step = |x: Vector3<f64>| {
         let weight = |ray: &Ray| ray.weight * ray.offset(&x).weight(sigma);
-        nearest_with_spread(rays, weight).map_or(x, |(x, _)| x)
+        nearest(rays, weight).unwrap_or(x)
     };
     step(step(x))
 }
 
-/// The midpoint of two rays where they pass each other in front of both cameras, if they do so
-/// within 2σ and are not too nearly parallel to determine it.
+/// Where two rays meet within 2σ, if they are not too nearly parallel to determine it.
 pub(super) fn meeting_point(a: &Ray, b: &Ray, sigma: f64) -> Option<Vector3<f64>> {
-    if !have_parallax(a, b) {
-        return None;
-    }
-    let x = midpoint(a, b)?;
-    let meets = |ray: &Ray| {
-        let offset = ray.offset(&x);
-        offset.range > 0.0 && offset.across.norm() <= 2.0 * sigma
-    };
-    (meets(a) && meets(b)).then_some(x)
+    let near = |(x, apart): (Vector3<f64>, f64)| (0.5 * apart <= 2.0 * sigma).then_some(x);
+    have_parallax(a, b).then(|| meet(a, b)).flatten().and_then(near)
 }

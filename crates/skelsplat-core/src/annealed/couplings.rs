@@ -8,15 +8,12 @@ use nalgebra::{Cholesky, DMatrix, DMatrixViewMut, Vector3};
 use super::equations::{Coupling, RIDGE};
 use super::joints::Joints;
 use super::lanes::{LANES, exp_of_one, lane, set_lane};
-use crate::bones::{Bone, Pull};
+use crate::bones::{Bone, Pull, REACH};
 use crate::matrix3::Symmetric;
 use crate::symmetry::LimbPair;
 
-/// Reach of the kernel of limb pairs, in σ_sym: pairs that differ by more lose their influence like
-/// outlying detections.
-const SYMMETRY_REACH: f64 = 3.0;
-/// Precision relative to that of σ_sym, or of 1 mm for a bone, below which a coupling is left out.
-const LEAST: f64 = 1e-12;
+/// Reach of the kernel of limb pairs, in σ_sym: half of that of bones, as two limbs differ.
+const SYMMETRY_REACH: f64 = 0.5 * REACH;
 
 /// A coupling during a step.
 #[derive(Debug, Clone, Copy)]
@@ -45,7 +42,7 @@ pub(super) fn of_pair(
     let (residual, el, er) = (ll - lr, left / ll, right / lr);
     let kept = exp_of_one(-0.5 * (residual / (SYMMETRY_REACH * sigma)).powi(2));
     let precision = kept / (sigma * sigma);
-    (kept >= LEAST).then_some(Coupling {
+    (kept > f64::EPSILON).then_some(Coupling {
         joints: [l1, l2, r1, r2],
         gradient: [el, -el, -er, er],
         residual,
@@ -60,7 +57,7 @@ pub(super) fn of_bone(bone: &Bone, at: impl Fn(usize) -> Vector3<f64>) -> Option
     let (from, to) = (at(a), at(b));
     let pull = Pull::new(&from, &to, bone.length);
     let none = Vector3::zeros();
-    (pull.stiffness > LEAST).then(|| Coupling {
+    (pull.stiffness > f64::EPSILON).then(|| Coupling {
         joints: [a, b, a, b],
         gradient: [pull.along, -pull.along, none, none],
         residual: pull.slope / pull.stiffness,

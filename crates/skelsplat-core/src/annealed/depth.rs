@@ -18,9 +18,9 @@ use super::noise::NoiseModel;
 use super::problem::Solution;
 use super::rays::Ray;
 
-/// Five standard deviations: the depth is known to a fifth of its value, and twice the usual noise
-/// is not mistaken for it.
-const DISTINCT: f64 = 25.0;
+/// Five standard deviations, squared. Of a depth: it is known to a fifth of its value, and twice
+/// the usual noise is not mistaken for it.
+pub(crate) const DISTINCT: f64 = 25.0;
 /// The least noise of a detection, px: the residuals of rays that nearly coincide do not show their
 /// noise.
 const USUAL_PX: f64 = NoiseModel::PRIOR_PX;

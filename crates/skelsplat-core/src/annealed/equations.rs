@@ -11,7 +11,7 @@
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
-use crate::matrix3::Symmetric;
+use crate::matrix3::{ILL_CONDITIONED, Symmetric};
 
 /// A scalar residual r of four joints, or of two.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,10 +89,6 @@ pub fn covariances(blocks: &[Matrix3<f64>], couplings: &[Coupling]) -> Vec<Matri
     }
     covariances
 }
-
-/// Determinant, relative to the cube of the mean eigenvalue, below which cofactors lose too many
-/// digits to rounding.
-pub(super) const ILL_CONDITIONED: f64 = 1e-9;
 
 /// Inverse of a symmetric positive definite matrix, zero where it has none.
 #[inline]

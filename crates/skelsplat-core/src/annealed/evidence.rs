@@ -18,6 +18,7 @@
 
 use super::joints::{FourRays, Joints};
 use super::lanes::{Four, LANES, exp, exp_of_one, lane, ln, set_lane};
+use super::noise::PRIOR_DOF;
 use super::problem::Prior;
 use super::rays::{Ray, Rays, there};
 use crate::matrix3::Symmetric;
@@ -30,10 +31,9 @@ const SHARES: [f64; 4] = [0.01, 0.06, 0.3, 0.8];
 const SCALES: usize = 3;
 /// Least S in multiples of the noise.
 const LEAST_REACH: f64 = 2.5;
-/// Share of the wrong detections that may be as far away as the image reaches.
-const ASTRAY: f64 = 0.1;
-/// Minimum number of residuals for an estimate of the noise.
-const LEAST_RESIDUALS: f64 = 6.0;
+/// Share of the wrong detections that may be as far away as the image reaches, and of the frames
+/// before which something else has happened: a cut, or a wrong past.
+pub(super) const ASTRAY: f64 = 0.1;
 
 /// Which detections are wrong.
 #[derive(Debug, Clone, Default)]
@@ -274,5 +274,5 @@ pub(super) fn can_outvote(rays: &Rays) -> bool {
 /// Student's t. Two views leave one residual per joint, three views three.
 pub(super) fn of_few(rays: &Rays) -> f64 {
     let freedom = rays.n_joints() as f64;
-    if can_outvote(rays) || freedom < LEAST_RESIDUALS { 1.0 } else { freedom / (freedom - 2.0) }
+    if can_outvote(rays) || freedom < PRIOR_DOF { 1.0 } else { freedom / (freedom - 2.0) }
 }

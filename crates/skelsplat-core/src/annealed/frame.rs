@@ -11,7 +11,7 @@ use super::posterior::{Explanation, error_bars};
 use super::problem::{Annealing, Prior, Solution};
 use super::rays::{Rays, there};
 use super::solver::{Solver, Terms, UPWARDS};
-use super::starts::{Before, PRIOR_REACH, nearest_to_all};
+use super::starts::{Before, nearest_to_all};
 use super::swaps::{self, Chain, Swap};
 use super::views::factors;
 use crate::bones::Bone;
@@ -85,16 +85,14 @@ struct Attempt {
 const MOVE_ROUNDS: usize = 3;
 /// Maximum rounds of the search for swaps.
 const SWAP_ROUNDS: usize = 3;
-/// Log-odds against a swap: there are a few dozen candidates, each rarely true.
-const SWAP_EVIDENCE: f64 = 10.0;
-/// What larger noise may lack before swaps and moves, in log p: in frames with heavy occlusion it
-/// explains them in one of 27, and with less the moves are not worth their time in the others.
-const GAINED_BY_MOVES: f64 = 20.0;
+/// Log-odds against a swap: there are a few dozen candidates, each rarely true. As much may larger
+/// noise lack before swaps and moves: where it lacks more they hardly ever make up for it.
+pub(crate) const SWAP_EVIDENCE: f64 = 10.0;
 /// Share of the residuals' variance that is noise under the configured kernels; the rest are wrong
 /// detections that these let through (measured, docs/decisions.md).
 const NOISE_SHARE: f64 = 0.87;
-/// Kernel from which limb pairs take part, mm.
-const ENTER: f64 = 80.0;
+/// Kernel from which limb pairs take part, mm: under wider ones they throw joints along their rays.
+const ENTER: f64 = 0.25 * Annealing::START;
 /// Tolerance of the solver until the explanation is chosen.
 const COARSE: f64 = 0.1;
 
@@ -129,7 +127,7 @@ impl AnnealedFrame<'_> {
         if may_follow && is_estimated && found.solver.noise() >= needs {
             let mut wide = self.annealed(rays, true);
             let least = if is_contested { self.explains(&found) } else { f64::NEG_INFINITY };
-            if self.explains(&wide) > least - GAINED_BY_MOVES {
+            if self.explains(&wide) > least - SWAP_EVIDENCE {
                 wide = self.moved(wide);
                 if wide.solver.noise() <= annealing.start && self.explains(&wide) > least {
                     found = wide;
@@ -310,7 +308,7 @@ impl AnnealedFrame<'_> {
         }
         solver.joints.set_priors(priors);
         for (j, prior) in priors.iter().enumerate() {
-            let is_wide = PRIOR_REACH * prior.spread > self.annealing.start;
+            let is_wide = Annealing::PER_NOISE * prior.spread > self.annealing.start;
             let x = match pose[j] {
                 Some(_) if is_wide && solver.joints.is_live(j) => solver.joints.at(j),
                 Some(x) => x,

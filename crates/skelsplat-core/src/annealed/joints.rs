@@ -6,7 +6,7 @@ use super::consensus::agrees;
 use super::depth::may_be_fixed;
 use super::equations::inverse_of;
 use super::lanes::{Four, FourSymmetric, LANES, ZERO, exp, lane, set_lane, set_lanes};
-use super::noise::{Residuals, scale_of};
+use super::noise::{Residuals, pixel_of};
 use super::problem::{Annealing, Prior};
 use super::rays::{Rays, there};
 use super::starts::{is_narrow, nearest_to_all};
@@ -77,12 +77,7 @@ pub(super) struct Joints {
     pub(super) weight: f64,
     /// Mean size of a pixel at the joints, mm.
     pub(super) pixel: f64,
-    /// Mean distance of the joints from the cameras, mm.
-    pub(super) range: f64,
 }
-
-/// Least first kernel, as a share of the final one.
-const LEAST_KERNEL: f64 = 0.05;
 
 impl Group {
     /// No joint.
@@ -140,7 +135,6 @@ impl Joints {
             informed: (0..n_joints).map(|j| there(rays.of_joint(j)).next().is_some()).collect(),
             weight: rays.mean_weight(),
             pixel: 1.0,
-            range: f64::INFINITY,
         };
         joints.set_all_rays(rays);
         joints
@@ -314,12 +308,10 @@ impl Joints {
         }
     }
 
-    /// Takes the size of a pixel, and the distance from the cameras, from where the joints are.
+    /// Takes the size of a pixel from where the joints are.
     pub(super) fn scale_to(&mut self, rays: &Rays) {
         let points = (0..self.n_joints).map(|j| self.at(j));
-        if let Some([pixel, range]) = scale_of(rays, points) {
-            (self.pixel, self.range) = (pixel, range);
-        }
+        self.pixel = pixel_of(rays, points).unwrap_or(self.pixel);
     }
 
     /// Puts joint `j` at `x`, with the kernel that reaches its farthest ray, at most the widest.
@@ -327,9 +319,7 @@ impl Joints {
         self.put(j, x);
         let off = there(rays.of_joint(j)).map(|ray| ray.offset(x).across.norm_squared());
         let farthest = off.fold(0.0, f64::max).sqrt();
-        let least = if x.x.is_nan() { 1.0 } else { LEAST_KERNEL };
-        let sigma = farthest.min(annealing.start).max(least * annealing.end[j]);
-        self.set_sigma(j, sigma);
+        self.set_sigma(j, farthest.min(annealing.start).max(annealing.end[j]));
     }
 }
 

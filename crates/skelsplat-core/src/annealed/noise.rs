@@ -31,31 +31,24 @@ pub(super) struct Scale {
     pub(super) refuted: bool,
 }
 
-/// Weight of the prior, in residuals.
-pub(super) const PRIOR_DOF: f64 = 6.0;
-/// The same where the frame has more noise than the prior expects.
-const REFUTED_DOF: f64 = 3.0;
+/// Weight of the prior of a frame's noise, and of the frame's for one joint, in residuals
+/// (measured, docs/decisions.md): fewer are no estimate.
+pub(super) const PRIOR_DOF: f64 = 5.0;
 /// The shrinkage by the kernel is corrected up to this factor of the variance.
 const MOST_UNSHRUNK: f64 = 4.0;
 
-/// Mean size of a pixel at the joints and mean distance of the joints from the cameras, mm; `None`
-/// if nothing is detected in front of a camera.
-pub(super) fn scale_of(
-    rays: &Rays,
-    points: impl Iterator<Item = Vector3<f64>>,
-) -> Option<[f64; 2]> {
-    let (mut pixel, mut distance, mut n) = (0.0, 0.0, 0.0);
+/// Mean size of a pixel at the joints, mm; `None` if nothing is detected in front of a camera.
+pub(super) fn pixel_of(rays: &Rays, points: impl Iterator<Item = Vector3<f64>>) -> Option<f64> {
+    let (mut pixel, mut n) = (0.0, 0.0);
     for (j, x) in points.enumerate().filter(|(_, x)| x.x.is_finite()) {
         for ray in there(rays.of_joint(j)) {
             let range = ray.offset(&x).range;
             if range > 0.0 {
-                pixel += range * ray.pixel;
-                distance += range;
-                n += 1.0;
+                (pixel, n) = (pixel + range * ray.pixel, n + 1.0);
             }
         }
     }
-    (n > 0.0).then(|| [pixel / n, distance / n])
+    (n > 0.0).then(|| pixel / n)
 }
 
 /// Weighted squares and degrees of freedom of one joint.
@@ -87,7 +80,8 @@ impl NoiseModel {
             Self::Pixels(px) => weight * (px * pixel).powi(2),
             Self::Millimetres(mm) => weight * mm * mm,
             Self::Estimated => {
-                let dof = if refuted { REFUTED_DOF } else { PRIOR_DOF };
+                // Where the frame has more noise than the prior expects, that counts half.
+                let dof = if refuted { 0.5 * PRIOR_DOF } else { PRIOR_DOF };
                 let prior = dof * weight * (Self::PRIOR_PX * pixel).powi(2);
                 let shrunk = (prior + squares) / (dof + freedom);
                 let kernel = 2.0 * weight * sigma * sigma;

@@ -12,7 +12,7 @@
 use nalgebra::Vector3;
 
 use super::consensus::{agrees, meeting_point, settled};
-use super::evidence::Mixture;
+use super::evidence::{ASTRAY, Mixture};
 use super::problem::{Prior, Solution};
 use super::rays::{Ray, Rays, there};
 use crate::bones::expected::{Expected, Shown, stature};
@@ -28,10 +28,8 @@ const LEAST_ANCHORS: usize = 3;
 const LEAST_GIVEN: usize = 1;
 /// How far joints move from one frame to the next, mm per axis: a wrist at 2.5 m/s at 25 Hz.
 const MOVED: f64 = 100.0;
-/// A place within this multiple of its kernel is where a joint already is: it would return there.
-const SAME: f64 = 1.0;
-/// Share of the frames before which something else has happened: a cut, or a wrong past.
-const JUMP: f64 = 0.1;
+/// The farthest that they may, mm: three standard deviations.
+pub(crate) const LEAP: f64 = 3.0 * MOVED;
 
 /// How many views agree on every joint at a solution, and how many see it.
 pub(super) struct Votes {
@@ -171,7 +169,8 @@ impl PlaceSearch<'_> {
         // Every ray passes somewhere: a detection determines a place with another or with a bone.
         let has_bone = self.bones.iter().any(|bone| bone.joints.contains(&j));
         if found.is_empty() || self.votes.agree[j] > if has_bone { 0 } else { 1 } {
-            found.retain(|y| (y - x).norm() > SAME * self.solution.sigma[j]);
+            // It would return from within its kernel.
+            found.retain(|y| (y - x).norm() > self.solution.sigma[j]);
             found.insert(0, x);
         }
         found.retain(|x| x.x.is_finite());
@@ -212,7 +211,7 @@ impl PlaceSearch<'_> {
 /// −log of the probability of having moved this far since the past frame.
 fn since(moved: &Vector3<f64>) -> f64 {
     let near = (-0.5 * moved.norm_squared() / (MOVED * MOVED)).exp();
-    -(JUMP + (1.0 - JUMP) * near).ln()
+    -(ASTRAY + (1.0 - ASTRAY) * near).ln()
 }
 
 /// Bones as (child, parent, length) from the root of each tree outwards.

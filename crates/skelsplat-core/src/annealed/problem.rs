@@ -40,10 +40,15 @@ pub struct Annealing {
 }
 
 impl Annealing {
+    /// Widest kernel, and standard deviation per axis of wrong detections, mm: about the distance
+    /// between neighbouring joints, as most of them are other parts of the body.
+    pub const START: f64 = 320.0;
     /// Widest final kernel, mm.
     pub const END: f64 = 30.0;
     /// Final σ as a multiple of the noise.
     pub const PER_NOISE: f64 = 2.0;
+    /// Steps that are shorter than this share of the noise end the work.
+    pub const TOLERANCE: f64 = 0.01;
     /// σ_sym, mm.
     pub const SYMMETRY_SIGMA: f64 = 15.0;
 }

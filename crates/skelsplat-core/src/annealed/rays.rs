@@ -17,7 +17,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::camera::Camera;
 use crate::detections::Detections;
-use crate::matrix3::Symmetric;
+use crate::matrix3::{ILL_CONDITIONED, Symmetric};
 
 /// One detection as a ray from its camera; by default a missing one.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -160,28 +160,24 @@ impl Rays {
     }
 }
 
-/// Smallest determinant of Σ w (I − d dᵀ), relative to the cube of its mean eigenvalue, that
-/// determines a point: two rays at 0.1 mrad from each other.
-const RANK: f64 = 1e-8;
-/// The same, below which cofactors lose too many digits to rounding.
-const WELL_CONDITIONED: f64 = 1e-4;
-
-/// The point nearest to two rays, or `None` if they are parallel: the middle of their common
-/// perpendicular.
-pub fn midpoint(a: &Ray, b: &Ray) -> Option<Vector3<f64>> {
-    let mut sums = Meeting::default();
-    sums.add(a, 1.0);
-    sums.add(b, 1.0);
-    sums.point().map(|(x, _)| x)
+/// The place where two rays meet, halfway between them, and their distance there; `None` if they
+/// are parallel or one would meet the other behind its camera.
+#[inline]
+pub fn meet(a: &Ray, b: &Ray) -> Option<(Vector3<f64>, f64)> {
+    let normal = a.direction.cross(&b.direction);
+    let sin2 = normal.norm_squared();
+    let between = b.centre - a.centre;
+    let along_a = between.cross(&b.direction).dot(&normal) / sin2;
+    let along_b = between.cross(&a.direction).dot(&normal) / sin2;
+    if !(sin2 > ILL_CONDITIONED && along_a > 0.0 && along_b > 0.0) {
+        return None;
+    }
+    let middle = 0.5 * (a.centre + a.direction * along_a + b.centre + b.direction * along_b);
+    Some((middle, between.dot(&normal).abs() / sin2.sqrt()))
 }
 
-/// The point with the least Σ w |e|², or `None` if the rays do not determine it; and how far from
-/// parallel they are: the determinant of Σ w (I − d dᵀ), relative to the cube of its mean
-/// eigenvalue, is 0.84 sin² φ for two rays of one weight at the angle φ.
-pub(crate) fn nearest_with_spread(
-    rays: &[Ray],
-    weight: impl Fn(&Ray) -> f64,
-) -> Option<(Vector3<f64>, f64)> {
+/// The point with the least Σ w |e|², or `None` if the rays do not determine it.
+pub(crate) fn nearest(rays: &[Ray], weight: impl Fn(&Ray) -> f64) -> Option<Vector3<f64>> {
     let mut sums = Meeting::default();
     rays.iter().for_each(|ray| sums.add(ray, weight(ray)));
     sums.point()
@@ -223,21 +219,14 @@ impl Meeting {
         self.weight += share * self.weight;
     }
 
-    /// The point, and how far from parallel the rays are (see [`nearest_with_spread`]).
+    /// The point, or `None` if the rays do not determine it.
     #[inline]
-    pub(crate) fn point(&self) -> Option<(Vector3<f64>, f64)> {
+    pub(crate) fn point(&self) -> Option<Vector3<f64>> {
         let information = self.outer.below(self.weight, 1.0, 0.0);
         let cofactors = information.cofactors();
         let (determinant, scale) = (information.determinant(&cofactors), information.trace() / 3.0);
-        let spread = determinant / (scale * scale * scale);
-        if spread.is_nan() || spread <= RANK {
-            return None;
-        }
-        if spread < WELL_CONDITIONED {
-            let factor = information.matrix().cholesky();
-            return factor.map(|factor| (factor.solve(&self.pull), spread));
-        }
         let x = cofactors.times(&self.pull.into());
-        Some((Vector3::from(x) / determinant, spread))
+        let is_determined = determinant > ILL_CONDITIONED * scale * scale * scale;
+        is_determined.then(|| Vector3::from(x) / determinant)
     }
 }

@@ -12,7 +12,7 @@ use super::equations::inverse_of;
 use super::places::PlaceSearch;
 use crate::bones::{Pull, other_end};
 
-/// Positions nearer to each other than this multiple of the kernel are the same.
+/// Places nearer to each other than this multiple of the kernel are one.
 const APART: f64 = 4.0;
 /// Detections that must agree on a place, besides those that reject it, for no other place to
 /// matter: few rays pass through two places, so that two of them may agree on another as well.

@@ -12,7 +12,7 @@ settings! {
             "Largest final σ of a joint's kernel, unless the noise turns out to be larger.";
         max_steps: usize = 50, Domain::Any, "",
             "Maximum number of steps.";
-        sigma_start_mm: f64 = 320.0, Domain::Positive, "mm",
+        sigma_start_mm: f64 = Annealing::START, Domain::Positive, "mm",
             "Initial σ of the kernels; a joint with all rays nearer than this starts at the \
              distance of its farthest ray.";
         sigma_decay: f64 = 0.5, Domain::Between, "",
@@ -36,7 +36,7 @@ settings! {
         bone_sigmas_mm: Option<Vec<f64>> = None, Domain::Positive, "mm",
             "Standard deviation of each of these lengths; one that is not less than the length \
              marks it as unknown. None: 20 for all.";
-        step_tolerance: f64 = 0.01, Domain::Positive, "",
+        step_tolerance: f64 = Annealing::TOLERANCE, Domain::Positive, "",
             "Converged when the kernels have reached their final width and no joint moves by more \
              than this fraction of the noise.";
     }

@@ -3,13 +3,13 @@
 use nalgebra::Vector3;
 
 use super::couplings::{Link, Scratch, couple, of_bone, of_pair};
-use super::equations::ILL_CONDITIONED;
 use super::joints::Joints;
 use super::lanes::{Four, LANES, ZERO, lane, set_lane};
 use super::noise::{NoiseModel, Scale};
 use super::problem::{Annealing, Prior, Solution};
 use super::rays::Rays;
 use crate::bones::Bone;
+use crate::matrix3::ILL_CONDITIONED;
 use crate::symmetry::LimbPair;
 
 /// What takes part in a run besides the rays.
@@ -32,11 +32,9 @@ pub struct Terms<'a> {
 /// Factor on the multiple of the noise for kernels above the configured ones, which makes them
 /// reject sooner.
 pub(super) const UPWARDS: f64 = 0.78;
-/// Maximum step, as a fraction of the mean distance of the joints from the cameras.
-const TRUST: f64 = 0.1;
 /// Relative change of the variance from one step to the next at which kernels that follow the noise
-/// have settled.
-const STEADY: f64 = 0.02;
+/// have settled, and of a kernel to its final width at which it is narrow.
+const STEADY: f64 = 0.05;
 
 /// State of the search for a pose.
 #[derive(Debug, Clone)]
@@ -102,7 +100,7 @@ impl Solver {
             let noise = self.noise();
             self.solve();
             self.n_iter += 1;
-            self.longest = self.step(annealing.tolerance * noise, steady);
+            self.longest = self.step(annealing, noise, steady);
             let before = self.variance;
             self.estimate_noise(terms.follows_noise);
             steady = !terms.follows_noise || (self.variance / before - 1.0).abs() < STEADY;
@@ -175,16 +173,15 @@ impl Solver {
         }
     }
 
-    /// Moves the joints; returns the longest step, mm. If `steady`, those that no longer move
-    /// settle.
-    fn step(&mut self, small: f64, steady: bool) -> f64 {
-        let most = TRUST * self.joints.range;
+    /// Moves the joints, at most by the widest kernel; returns the longest step, mm. If `steady`,
+    /// those that no longer move settle.
+    fn step(&mut self, annealing: &Annealing, noise: f64, steady: bool) -> f64 {
+        let (most, small) = (Four::splat(annealing.start), annealing.tolerance * noise);
         let mut longest = 0.0_f64;
         for group in self.joints.groups.iter_mut().filter(|group| !group.is_settled()) {
             let [x, y, z] = group.step;
             let length = (x * x + y * y + z * z).sqrt();
-            let far = length.simd_gt(Four::splat(most));
-            let share = far.bitselect(Four::splat(most) / length, Four::ONE);
+            let share = (most / length).fast_min(Four::ONE);
             (0..3).for_each(|a| group.at[a] += group.step[a] * share);
             for l in 0..LANES {
                 if !group.settled[l] {
@@ -212,7 +209,7 @@ impl Solver {
                 continue;
             }
             let (sigma, end) = (lane(&group.sigma, l), annealing.end[*j] * share);
-            group.narrow[l] = (sigma - end).abs() <= 0.05 * end;
+            group.narrow[l] = (sigma - end).abs() <= STEADY * end;
             done &= group.narrow[l];
             set_lane(&mut group.sigma, l, (sigma * annealing.factor).max(end));
         }

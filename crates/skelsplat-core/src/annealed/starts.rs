@@ -5,14 +5,10 @@ use nalgebra::Vector3;
 
 use super::depth::may_be_fixed;
 use super::problem::Prior;
-use super::rays::{Ray, Rays, nearest_with_spread, there};
+use super::rays::{Ray, Rays, nearest, there};
 
-/// cos 15°.
+/// cos 15°: two rays farther from parallel determine a depth whatever the noise.
 const NARROW: f64 = 0.966;
-/// Rays this far from parallel, 15° for two, determine a depth whatever the noise.
-const WIDE: f64 = 0.05;
-/// Standard deviations of a prior that the first kernel covers.
-pub(super) const PRIOR_REACH: f64 = 2.0;
 
 /// Prior knowledge of a pose.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,9 +36,9 @@ pub(super) fn is_narrow(rays: &[Ray]) -> bool {
 /// it behind every camera.
 pub fn nearest_to_all(rays: &Rays, j: usize) -> Vector3<f64> {
     let rays = rays.of_joint(j);
-    let is_seen = |(x, spread): &(Vector3<f64>, f64)| {
-        in_front(rays, x) && (*spread > WIDE || may_be_fixed(rays, x, f64::INFINITY))
+    let is_seen = |x: &Vector3<f64>| {
+        in_front(rays, x) && (!is_narrow(rays) || may_be_fixed(rays, x, f64::INFINITY))
     };
-    let found = nearest_with_spread(rays, |ray| ray.weight).filter(is_seen);
-    found.map_or_else(|| Vector3::repeat(f64::NAN), |(x, _)| x)
+    let found = nearest(rays, |ray| ray.weight).filter(is_seen);
+    found.unwrap_or_else(|| Vector3::repeat(f64::NAN))
 }

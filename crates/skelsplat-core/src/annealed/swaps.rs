@@ -11,25 +11,19 @@ use nalgebra::Vector3;
 
 use super::joints::FourRays;
 use super::lanes::Four;
-use super::rays::{Meeting, Rays, midpoint};
+use super::rays::{self, Meeting, Rays};
 use crate::layout::Layout;
 
-/// Detections of mean weight by which the swap has to explain more.
-const GAIN: f64 = 1.5;
-/// A view in which the two assignments differ by less is undecided (the limbs overlap).
-const UNDECIDED: f64 = 0.5;
-/// Detections of mean weight by which a view may fail to explain a chain before it is against the
+/// Detections of mean weight by which a swap has to explain more, also in a recording; by less,
+/// limbs that overlap differ as well. As many may a view fail to explain before it is against the
 /// chain's position.
-const UNEXPLAINED: f64 = 1.0;
+pub(crate) const GAIN: f64 = 1.0;
 /// Minimum number of views: of two that contradict each other, it is impossible to tell which is
 /// swapped.
 const LEAST_VIEWS: usize = 3;
 /// Number of views that propose positions in pairs: those with the most detections, then those that
 /// explain the most.
 const MOST_PROPOSERS: usize = 6;
-
-/// Kernel, in multiples of the final one, under which a proposed position settles.
-const SETTLE: f64 = 2.0;
 
 /// (left, right) joints that a detector swaps together, from the trunk outwards: arms, legs, face.
 pub type Chain = Vec<[usize; 2]>;
@@ -149,7 +143,7 @@ impl Judge<'_> {
             return Vec::new();
         }
         let explained = best_ways(&ways);
-        let against = |w: &&Ways| w.all - w.own.max(w.exchanged) > UNEXPLAINED * self.unit;
+        let against = |w: &&Ways| w.all - w.own.max(w.exchanged) > GAIN * self.unit;
         let doubtful = 2 * ways.iter().filter(against).count() >= seeing;
         let better = |p: &Proposal| best_ways(&p.ways) >= explained + GAIN * self.unit;
         let proposal = if doubtful { self.best_proposal(chain, &ways) } else { None };
@@ -182,10 +176,10 @@ impl Judge<'_> {
             let second = &self.rays.of_joint(pair[1 - side])[b];
             let both = first.is_there() && second.is_there();
             seen += usize::from(both);
-            let x = if both { midpoint(first, second) } else { None };
-            let reach = SETTLE * self.sigma[pair[side]];
-            met += usize::from(x.is_some_and(|x| first.offset(&x).across.norm() <= reach));
-            x.unwrap_or_else(|| Vector3::repeat(f64::NAN))
+            let found = if both { rays::meet(first, second) } else { None };
+            let reach = 2.0 * self.sigma[pair[side]];
+            met += usize::from(found.is_some_and(|(_, apart)| apart <= reach));
+            found.map_or_else(|| Vector3::repeat(f64::NAN), |(x, _)| x)
         };
         let at = chain.iter().map(|pair| [meet(pair, 0), meet(pair, 1)]).collect();
         (2 * met >= seen && met > 0).then_some(at)
@@ -195,14 +189,14 @@ impl Judge<'_> {
     fn settled(&self, chain: &Chain, at: &[[Vector3<f64>; 2]]) -> Vec<[Vector3<f64>; 2]> {
         let ways = self.all_ways(chain, at);
         let step = |pair: &[usize; 2], side: usize, x: &Vector3<f64>| {
-            let sigma = SETTLE * self.sigma[pair[side]];
+            let sigma = self.sigma[pair[side]];
             let mut sums = Meeting::default();
             for (i, way) in ways.iter().enumerate() {
                 let exchanged = way.exchanged > way.own;
                 let ray = &self.rays.of_joint(pair[if exchanged { 1 - side } else { side }])[i];
                 sums.add(ray, ray.weight * ray.offset(x).weight(sigma));
             }
-            sums.point().map_or(*x, |(x, _)| x)
+            sums.point().unwrap_or(*x)
         };
         let both = |(pair, x): (&[usize; 2], &[Vector3<f64>; 2])| {
             [step(pair, 0, &x[0]), step(pair, 1, &x[1])]
@@ -215,7 +209,7 @@ impl Judge<'_> {
     /// body.
     fn right_way_round(&self, proposal: &Proposal, sideways: &Vector3<f64>) -> Vec<usize> {
         let Proposal { at, ways } = proposal;
-        let least = UNDECIDED * self.unit;
+        let least = GAIN * self.unit;
         let exchanged = |i: &usize| ways[*i].exchanged - ways[*i].own > least;
         let own = |i: &usize| ways[*i].own - ways[*i].exchanged > least;
         let swapped: Vec<usize> = (0..ways.len()).filter(exchanged).collect();

@@ -15,6 +15,8 @@
 //! R. Thompson, 1971), and the prior of the noise included in both. At γ = 1 views are taken at
 //! their word, at 0 each view's confidences count only among themselves.
 
+use std::f64::consts::LN_2;
+
 use super::consensus::agrees;
 use super::evidence::averaged;
 use super::noise::{NoiseModel, PRIOR_DOF};
@@ -23,8 +25,9 @@ use super::rays::{Meeting, Ray, Rays};
 
 /// The exponents γ.
 const EXPONENTS: [f64; 3] = [1.0, 0.5, 0.0];
-/// τ: usual differences of the logarithm of the noise's variance from view to view.
-const USUAL: f64 = 0.7;
+/// τ: usual differences of the logarithm of the noise's variance from view to view, a doubling as
+/// in recordings.
+const USUAL: f64 = LN_2;
 /// Ratio of mean confidences up to which views are taken at their word.
 const ALIKE: f64 = 1.5;
 
@@ -83,7 +86,7 @@ fn log_likelihood(agreeing: &[(usize, usize, &Ray)], factors: &[[f64; 2]], prior
     for rays in agreeing.chunk_by(|a, b| a.0 == b.0) {
         let mut meeting = Meeting::default();
         rays.iter().for_each(|(_, i, ray)| meeting.add(ray, ray.weight * factors[*i][1]));
-        let Some((x, _)) = meeting.point() else { continue };
+        let Some(x) = meeting.point() else { continue };
         for (_, i, ray) in rays {
             log += factors[*i][0];
             squares += ray.weight * factors[*i][1] * ray.offset(&x).across.norm_squared();

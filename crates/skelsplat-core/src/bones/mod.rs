@@ -17,7 +17,8 @@ pub mod population;
 
 use nalgebra::{Matrix3, Vector3};
 
-/// Reach of the kernel, in standard deviations.
+/// Reach of the kernel, in standard deviations, also of accelerations: what
+/// differs by more loses its influence like outlying detections.
 pub const REACH: f64 = 6.0;
 
 /// The expected length of a bone.

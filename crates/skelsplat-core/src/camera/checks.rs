@@ -3,22 +3,16 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::error::{Error, Result};
+use crate::settings::{MOST, ROUNDING};
 
 /// Largest entry of `RᵀR − I` accepted: files with three decimals and more pass, a scaled or
 /// sheared R does not.
 const ORTHONORMAL: f64 = 1e-3;
 /// Largest entry of `RᵀR − I` of a rotation in double precision, which stays as it is, to the bit.
 const EXACT: f64 = 1e-12;
-/// Largest entry, relative to fx, that is accepted as one of K's zeros (rounding of a computed K).
-const ZERO: f64 = 1e-9;
 
-/// Focal lengths, pixels: from a camera scaled down to one pixel to a telescope. With the bounds
-/// below, products of a few of these numbers and their squares stay well within the range of a
-/// double.
-const FOCAL: [f64; 2] = [1e-9, 1e9];
-/// Largest coordinate of the principal point, pixels, and largest distortion coefficient: those of
-/// rational models of real lenses can reach hundreds.
-const LARGEST: f64 = 1e9;
+/// Least focal length, pixels: of a camera scaled down to one pixel.
+const SHORTEST: f64 = 1.0 / MOST;
 /// Largest coordinate of the translation, in any unit: a million kilometres in mm.
 const TRANSLATION: f64 = 1e12;
 /// Largest width and height, pixels: the limit of JPEG. The number of pixels then fits in 32 bits.
@@ -38,21 +32,20 @@ pub(super) fn intrinsics(k: &Matrix3<f64>) -> Result<()> {
     if fx <= 0.0 || fy <= 0.0 {
         return Err(Error::invalid("K", "positive focal lengths", format!("fx = {fx}, fy = {fy}")));
     }
-    let [least, most] = FOCAL;
-    if !(least..=most).contains(&fx) || !(least..=most).contains(&fy) {
-        let expected = format!("focal lengths from {least:e} to {most:e} pixels");
+    if [fx, fy].iter().any(|f| !(SHORTEST..=MOST).contains(f)) {
+        let expected = format!("focal lengths from {SHORTEST:e} to {MOST:e} pixels");
         return Err(Error::invalid("K", expected, format!("fx = {fx:e}, fy = {fy:e}")));
     }
     let (cx, cy) = (k[(0, 2)], k[(1, 2)]);
-    if cx.abs().max(cy.abs()) > LARGEST {
-        let expected = format!("a principal point within ±{LARGEST:e} pixels");
+    if cx.abs().max(cy.abs()) > MOST {
+        let expected = format!("a principal point within ±{MOST:e} pixels");
         return Err(Error::invalid("K", expected, format!("cx = {cx:e}, cy = {cy:e}")));
     }
-    if k[(0, 1)].abs() > ZERO * fx {
+    if k[(0, 1)].abs() > ROUNDING * fx {
         return Err(Error::invalid("K", "zero skew", format!("K[0, 1] = {}", k[(0, 1)])));
     }
     let rest = [k[(1, 0)] / fx, k[(2, 0)], k[(2, 1)], k[(2, 2)] - 1.0];
-    if rest.iter().any(|v| v.abs() > ZERO) {
+    if rest.iter().any(|v| v.abs() > ROUNDING) {
         let rows: Vec<String> =
             k.row_iter().map(|r| format!("[{}, {}, {}]", r[0], r[1], r[2])).collect();
         let expected = "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]";
@@ -97,7 +90,7 @@ pub(super) fn translation(t: &Vector3<f64>) -> Result<()> {
 }
 
 pub(super) fn distortion(coefficients: &[f64]) -> Result<()> {
-    within("distortion", coefficients, LARGEST)
+    within("distortion", coefficients, MOST)
 }
 
 pub(super) fn size(size: [u32; 2]) -> Result<()> {

@@ -5,14 +5,11 @@ use nalgebra::Vector2;
 use super::distortion::{BrownConrady, Distortion};
 use super::fold::invert_rising;
 
-/// Largest error of an accepted answer, in pixels of the distorted image.
+/// Largest error of an accepted answer, in pixels of the distorted image. Newton goes on to a
+/// hundredth of it, above the rounding of a coordinate of 10⁴ px.
 const TOLERANCE_PX: f64 = 1e-9;
-/// Newton stops here; far below the tolerance, above the rounding of a coordinate of 10⁴ px.
-const STOP_PX: f64 = 1e-11;
 /// Most steps of Newton's method.
 const MAX_STEPS: usize = 50;
-/// Shortest fraction of a Newton step that is tried.
-const SHORTEST: f64 = 1e-6;
 /// Fractions of the radial solution to start from, in turn: near a fold the first may lie beyond
 /// it.
 const STARTS: [f64; 3] = [1.0, 0.7, 0.4];
@@ -81,7 +78,7 @@ fn newton(
         at = evaluate(&x);
     }
     for _ in 0..MAX_STEPS {
-        if at.2 <= STOP_PX {
+        if at.2 <= 0.01 * TOLERANCE_PX {
             break;
         }
         let step = at.1.try_inverse()? * at.0;
@@ -94,7 +91,7 @@ fn newton(
                 break;
             }
             fraction *= 0.5;
-            if fraction < SHORTEST {
+            if fraction < f64::EPSILON {
                 // No descent: rounding, or a fold.
                 return (at.2 <= TOLERANCE_PX).then_some(x);
             }

@@ -95,15 +95,13 @@ macro_rules! pixel {
 pixel!(f32, f32x8);
 pixel!(f64, f64x8);
 
-/// Indices of the lanes, for tables.
-const LANE_NUMBERS: [f64; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 /// [`LANES`] as a double.
-const WIDTH: f64 = 8.0;
+const WIDTH: f64 = LANES as f64;
 
 /// 0, 1, …, 7 in the lanes of a group.
 #[inline]
 pub fn lane_numbers<P: Pixel>() -> P::Group {
-    P::Group::new(LANE_NUMBERS.map(P::of))
+    P::Group::new(std::array::from_fn(|l| P::of(l as f64)))
 }
 
 /// Factors of the recurrence that depend on `a` alone: one table per window.
@@ -124,8 +122,9 @@ type Recurrence<P> = (<P as Pixel>::Group, <P as Pixel>::Group);
 impl<P: Pixel> RowTable<P> {
     /// The table of a row's curvature `a` (pixels⁻²).
     pub fn new(a: f64) -> Self {
-        let group =
-            |f: fn(f64) -> f64| P::Group::new(LANE_NUMBERS.map(|l| P::of((-a * f(l)).exp())));
+        let group = |f: fn(f64) -> f64| {
+            P::Group::new(std::array::from_fn(|l| P::of((-a * f(l as f64)).exp())))
+        };
         Self {
             a,
             lane: group(|l| 0.5 * l * l),

@@ -5,8 +5,8 @@ use nalgebra::Vector3;
 use super::body::{Claims, placed, views};
 use super::crowd::{Crowd, Figure};
 use super::known::BodyModel;
-use super::score::{at_body, meet, of_pair};
-use crate::annealed::rays::Ray;
+use super::score::{at_body, of_pair};
+use crate::annealed::rays::{Ray, meet};
 use crate::bones::population::STATURE;
 
 /// Kernel of a proposal, as a share of that of claims: nothing is predicted.
@@ -25,12 +25,8 @@ const MOST_SCORES: usize = 1_000_000;
 const UNSEEN: f64 = 0.3;
 /// Least support of a body.
 const SUPPORT: f64 = 0.75;
-/// Share of a body's joints inside an image that ought to be detected.
-const INSIDE: f64 = 0.7;
 /// Standard deviation of a bone's length from the population's proportions, relative.
 const PROPORTION: f64 = 0.3;
-/// Least share of bones that match.
-const LEAST_BONES: f64 = 0.35;
 
 /// A body that views agree on.
 #[derive(Debug, Clone)]
@@ -154,9 +150,7 @@ impl BodyModel {
                 _ => -UNSEEN,
             }
         };
-        let views: f64 = crowd.views.iter().enumerate().map(view).sum();
-        let human = self.human(pose);
-        if human < LEAST_BONES { 0.0 } else { views * human }
+        crowd.views.iter().enumerate().map(view).sum::<f64>() * self.human(pose)
     }
 
     /// Whether camera `i` has most of a body inside its image.
@@ -170,7 +164,7 @@ impl BodyModel {
         };
         let known = pose.iter().filter(|x| !x.x.is_nan());
         let n = known.clone().count();
-        n > 0 && known.filter(inside).count() as f64 >= INSIDE * n as f64
+        n > 0 && 2 * known.filter(inside).count() >= n
     }
 
     /// Mean weight of the bones, compared with the proportions of people of the stature that suits

@@ -5,21 +5,17 @@ use nalgebra::Vector3;
 use super::crowd::{Crowd, Figure};
 use crate::annealed::rays::{Meeting, Ray};
 use crate::detections::Detections;
+use crate::sequence::times::SHORT;
 use crate::statistics::median;
 
 /// Kernels under which a joint settles, in multiples of σ.
 const SETTLE: [f64; 3] = [1.5, 0.75, 0.5];
-/// Least spread of the rays (see [`Meeting::point`]) that gives a joint a place of its own:
-/// two rays at 13°.
-const SPREAD: f64 = 0.04;
 /// Weight of the expected place, as a share of that of all rays.
 const PRIOR: f64 = 0.01;
-/// Least weight k of each of two rays that meet.
+/// Least weight k of each of two rays that meet, and of those along which one view moves a body.
 const MEETS: f64 = 0.1;
 /// Least weight k of a ray that fits.
 const FIT: f64 = 0.3;
-/// Time over which a velocity is averaged, and on either side a path, s.
-pub(super) const SMOOTH: f64 = 0.1;
 /// Time in which a velocity fades when nothing is seen, s.
 const FADE: f64 = 0.25;
 /// Fastest motion of a joint, mm/s.
@@ -90,7 +86,7 @@ fn settled(rays: &[Ray], start: &Vector3<f64>, sigma: f64) -> Option<Vector3<f64
 }
 
 /// The point with the least Σ w |e|² + [`PRIOR`] |x − x⁰|²; without x⁰ `None` if the rays are
-/// nearly parallel.
+/// parallel.
 fn nearest(
     rays: &[Ray],
     prior: Option<&Vector3<f64>>,
@@ -100,8 +96,7 @@ fn nearest(
     rays.iter().for_each(|ray| sums.add(ray, weight(ray)));
     // The trace of Σ w (I − d dᵀ) is 2 Σ w.
     prior.iter().for_each(|start| sums.tie(start, 2.0 * PRIOR));
-    let least = if prior.is_some() { 0.0 } else { SPREAD };
-    sums.point().filter(|(_, spread)| *spread > least).map(|(x, _)| x)
+    sums.point()
 }
 
 /// A person who is followed.
@@ -155,7 +150,7 @@ impl Body {
             .filter(|step| !step.x.is_nan())
             .collect();
         let common = median_of(&steps);
-        let share = (dt / SMOOTH).min(1.0);
+        let share = (dt / SHORT).min(1.0);
         let shared = median_of(&self.velocity);
         for ((x, v), y) in self.pose.iter_mut().zip(&mut self.velocity).zip(found) {
             if y.x.is_nan() {
@@ -193,11 +188,11 @@ impl Body {
             .zip(&self.pose)
             .filter(|(ray, x)| ray.is_there() && !x.x.is_nan())
             .map(|(ray, x)| ray.offset(x))
-            .filter(|offset| offset.weight(sigma) > 0.1)
+            .filter(|offset| offset.weight(sigma) > MEETS)
             .map(|offset| -offset.across)
             .collect();
         let step = median_of(&across);
-        let share = (dt / SMOOTH).min(1.0);
+        let share = (dt / SHORT).min(1.0);
         self.velocity.iter_mut().for_each(|v| *v += step / dt * share);
         (self.alone, self.missed) = (self.alone + 1, 0);
         self.fade(dt);

@@ -8,29 +8,28 @@
 //!
 //! The second place of one person scatters by a kernel around the first; another person is anywhere
 //! within r kernels. Of two people who are as near, a view misses the hidden one with a probability
-//! of h: n views have a figure of one of the two. A view with figures of both says nothing, as
-//! detectors often see one person twice. Frames of a fraction of a second tell the same.
+//! of h = ½, as in simulated crowds: n views have a figure of one of the two. A view with figures
+//! of both says nothing, as detectors often see one person twice. Frames of a fraction of a second
+//! tell the same.
 
-use std::f64::consts::PI;
+use std::f64::consts::{LN_2, LN_10, PI};
 
 use super::associate::Associator;
 use super::body::{Body, Claims, apart};
 use super::known::BodyModel;
 use super::tracks::Track;
-use crate::sequence::scales::INDEPENDENT;
+use crate::sequence::times::INDEPENDENT;
 
 /// Distance from which nobody is taken for one with another, in kernels: half a metre.
 const REACH: f64 = 5.5;
-/// Probability that a view misses a person next to another (as in simulated crowds).
-const HIDDEN: f64 = 0.5;
 /// Log-odds from which two bodies are one: 10 to 1.
-const CERTAIN: f64 = 2.3;
+const CERTAIN: f64 = LN_10;
 
 /// Log-odds that two bodies with these figures, so many kernels apart, are one.
 fn one_person(far: f64, a: &Claims, b: &Claims) -> f64 {
     let room = (4.0 / 3.0 * PI * REACH.powi(3) / (2.0 * PI).powf(1.5)).ln();
     let alone = a.iter().zip(b).filter(|(p, q)| p[0].is_some() != q[0].is_some()).count();
-    room - 0.5 * far * far - HIDDEN.ln() * alone as f64
+    room - 0.5 * far * far + LN_2 * alone as f64
 }
 
 /// Whether a body that is new is one that is known, with these figures.

@@ -6,31 +6,23 @@
 
 use std::ops::Range;
 
-use super::associate::{KEEP, REACH, SPEED};
+use super::associate::{DIFFERENCE, KEEP, PAUSE};
 use super::body::apart;
 use super::doubles::drop_doubles;
 use super::known::BodyModel;
 use super::tracks::Track;
+use crate::annealed::places::LEAP;
+use crate::sequence::live::filter::ANY_SPEED;
 use crate::statistics::median;
 
 /// Distance, in kernels, within which two people meet.
 const MEET: f64 = 8.0;
-/// Time between two meetings that are one, s.
-const PAUSE: f64 = 0.5;
-/// Longest time before and after a meeting from which bones are measured, s.
-const AROUND: f64 = 5.0;
-/// Shortest time from which they are measured, s.
-const LEAST: f64 = 0.4;
 /// Standard deviation of a measured bone, relative to its length.
 const SPREAD: f64 = 0.03;
 /// Evidence for an exchange, in log-likelihood: a chance of one in four hundred.
 const EVIDENCE: f64 = 6.0;
-/// Longest time for which both can be there while one takes over from the other, s.
-const OVERLAP: f64 = 0.5;
 /// Frames at either end in which somebody who was absent is looked for.
 const ENDS: usize = 10;
-/// Largest median difference of the bones of one person, relative to their length.
-const DIFFERENCE: f64 = 0.08;
 /// Most frames from which bones are measured.
 const SAMPLES: usize = 60;
 
@@ -58,7 +50,7 @@ fn both(a: &Track, b: &Track) -> Range<usize> {
 /// The frames from which on two people went on as each other.
 fn exchanges([a, b]: [&Track; 2], known: &BodyModel, fps: f64) -> Vec<usize> {
     let frames = |seconds: f64| (seconds * fps).round() as usize;
-    let (around, least) = (frames(AROUND), frames(LEAST).max(3));
+    let (around, least) = (frames(KEEP), frames(PAUSE).max(3));
     let meetings = meetings(a, b, MEET * known.sigma, frames(PAUSE));
     let mut found = Vec::new();
     let mut crossed = false;
@@ -171,11 +163,11 @@ fn parted(
     fps: f64,
 ) -> Option<f64> {
     let gap = (new.first as f64 - lost.end() as f64) / fps;
-    let in_time = (-OVERLAP..=KEEP).contains(&gap);
+    let in_time = (-PAUSE..=KEEP).contains(&gap);
     if !in_time || new.first <= lost.first || new.end() <= lost.end() {
         return None;
     }
-    let reach = REACH + SPEED * gap.max(0.0);
+    let reach = LEAP + ANY_SPEED * gap.max(0.0);
     let ends = lost.frames.iter().rev().take(ENDS);
     let starts = || new.frames.iter().take(ENDS);
     let near =
@@ -184,7 +176,7 @@ fn parted(
     let ratios = a.iter().zip(b).map(|(x, y)| (x / y).ln().abs());
     let ratios: Vec<f64> = ratios.filter(|r| r.is_finite()).collect();
     // Whoever was not seen long enough to be measured can only be known by the place.
-    if ratios.len() < known.limbs.len().min(3) && gap > OVERLAP {
+    if ratios.len() < known.limbs.len().min(3) && gap > PAUSE {
         return None;
     }
     let differs = if ratios.is_empty() { 0.5 * DIFFERENCE } else { median(ratios) } / DIFFERENCE;

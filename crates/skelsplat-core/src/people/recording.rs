@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::agreement::Agreement;
 use super::associate::{Associator, absorb, give_free};
 use super::births::FITS;
-use super::body::{Claims, SMOOTH, claimed};
+use super::body::{Claims, claimed};
 use super::crowd::{Crowd, Figure};
 use super::identities;
 use super::known::BodyModel;
@@ -20,14 +20,13 @@ use crate::detections::Detections;
 use crate::error::{Error, Result};
 use crate::layout::Layout;
 use crate::refine::{Frame, Refiner};
+use crate::sequence::times::{INDEPENDENT, SHORT};
 use crate::sequence::{Sequence, refine_sequence};
 use crate::threads;
 
 /// Frames whose rays are in memory together.
 const CHUNK: usize = 256;
-/// Time for which two views must see a person, s.
-const LEAST_TIME: f64 = 0.2;
-/// The most frames that this may be.
+/// Most frames in which two views must see a person: those in which errors become independent.
 const MOST_FRAMES: usize = 12;
 /// Frames from which the size of bodies is measured.
 const MEASURED: usize = 32;
@@ -214,14 +213,14 @@ impl CrowdRecording<'_> {
                 self.progress.advance();
             }
         }
-        let reach = (SMOOTH * self.fps).round() as usize;
+        let reach = (SHORT * self.fps).round() as usize;
         let smooth = |track: Track| Some(track.trimmed(least)?.smooth(reach));
         Ok((seen.into_values().filter_map(smooth).collect(), cut))
     }
 
     /// Least number of frames in which two views must see a person.
     fn least(&self) -> usize {
-        let least = (LEAST_TIME * self.fps).round().clamp(1.0, MOST_FRAMES as f64) as usize;
+        let least = (INDEPENDENT * self.fps).round().clamp(1.0, MOST_FRAMES as f64) as usize;
         least.min(self.people.len())
     }
 

@@ -5,16 +5,14 @@ use pathfinding::kuhn_munkres::kuhn_munkres;
 use pathfinding::matrix::Matrix;
 
 use super::crowd::Figure;
-use crate::annealed::rays::Ray;
+use crate::annealed::rays::meet;
 
 /// Pseudo-joints that do not fit.
 const DOUBT: f64 = 1.5;
-/// Least sin² of the angle at which two rays meet for them to have a place.
-const LEAST_ANGLE: f64 = 0.01;
 /// |e|²/σ² from which k is taken to be 0; it is 3·10⁻⁴ there.
 const FARTHEST: f64 = 32.0;
 /// Scores as whole numbers.
-const SCALE: f64 = 1e9;
+const SCALE: u32 = 1_000_000_000;
 
 /// The score of a figure at a body `(N)`, NaN where unknown, under kernels of width `sigma`; the
 /// better one of its two sides, where `mirror` has the mirror image of each joint.
@@ -43,25 +41,6 @@ pub fn at_body(figure: &Figure, body: &[Vector3<f64>], sigma: f64, mirror: &[usi
     straight.max(score(&|j| mirror[j]))
 }
 
-/// The place where two rays meet, halfway between them, and their distance there; `None` if they
-/// are parallel or one would meet the other behind its camera.
-#[inline]
-pub fn meet(a: &Ray, b: &Ray) -> Option<(Vector3<f64>, f64)> {
-    let normal = a.direction.cross(&b.direction);
-    let sin2 = normal.norm_squared();
-    if sin2 < LEAST_ANGLE {
-        return None;
-    }
-    let between = b.centre - a.centre;
-    let along_a = between.cross(&b.direction).dot(&normal) / sin2;
-    let along_b = between.cross(&a.direction).dot(&normal) / sin2;
-    if along_a <= 0.0 || along_b <= 0.0 {
-        return None;
-    }
-    let middle = 0.5 * (a.centre + a.direction * along_a + b.centre + b.direction * along_b);
-    Some((middle, between.dot(&normal).abs() / sin2.sqrt()))
-}
-
 /// The score of two figures of different views, and the number of joints whose rays meet.
 pub fn of_pair(a: &Figure, b: &Figure, sigma: f64) -> (f64, usize) {
     let (mut fits, mut all, mut common) = (0.0, DOUBT * a.confidence * b.confidence, 0);
@@ -82,7 +61,7 @@ pub fn of_pair(a: &Figure, b: &Figure, sigma: f64) -> (f64, usize) {
 /// most once.
 pub fn assign(scores: &[Vec<f64>], least: f64) -> Vec<Option<usize>> {
     let (rows, columns) = (scores.len(), scores.first().map_or(0, Vec::len));
-    let gain = |r: usize, c: usize| ((scores[r][c] - least).max(0.0) * SCALE) as i64;
+    let gain = |r: usize, c: usize| ((scores[r][c] - least).max(0.0) * f64::from(SCALE)) as i64;
     let mut found = vec![None; rows];
     if (0..rows).all(|r| (0..columns).all(|c| gain(r, c) == 0)) {
         return found;

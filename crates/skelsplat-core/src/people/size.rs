@@ -3,7 +3,7 @@
 use super::births::{COMMON, met};
 use super::crowd::{Crowd, Figure};
 use super::known::BodyModel;
-use super::score::meet;
+use crate::annealed::rays::meet;
 use crate::sequence::shown_sizes;
 use crate::statistics::median;
 

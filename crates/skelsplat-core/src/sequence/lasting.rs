@@ -2,28 +2,26 @@
 
 use std::f64::consts::LN_2;
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use super::noise::DetectionNoise;
 use super::solver::WindowSolver;
-use super::windows::frames_in;
+use super::times::{SHORT, frames_in};
 use crate::annealed::consensus::REJECTED;
+use crate::matrix3::product;
 use crate::statistics::median;
 
 /// Time up to which errors have a memory, s.
 const MEMORY: f64 = 0.7;
-/// Time from which errors that remain count as constant, s.
-const LATE: f64 = 0.6;
 /// Shortest recording, s, that shows how long its errors last.
 const LEAST_SECONDS: f64 = 3.0;
-/// The constant share where the recording does not show it, as measured on real recordings.
-const USUAL_CONSTANT: f64 = 0.4;
-/// The slow share of the rest, as measured on real recordings.
-const USUAL_SLOW: f64 = 0.42;
-/// Its time constant, s, as measured on real recordings.
-const USUAL_SECONDS: f64 = 0.35;
+/// The constant share of the errors' variance where the recording does not show it, and the slow
+/// share of the rest, as measured on real recordings.
+pub(super) const USUAL_SHARE: f64 = 0.4;
+/// The time constant of the latter, s, as measured on real recordings.
+const USUAL_SECONDS: f64 = 0.5 * MEMORY;
 /// Largest constant share.
-const MOST_CONSTANT: f64 = 0.8;
+const MOST_CONSTANT: f64 = 2.0 * USUAL_SHARE;
 /// Joints in a view as which the memory of all joints counts for a class of them.
 const SHARED: f64 = 8.0;
 
@@ -42,14 +40,14 @@ impl Memory {
     /// The memory of errors of which nothing is known.
     pub fn usual(fps: f64) -> Self {
         let longest = frames_in(MEMORY, fps);
-        let after = |lag: usize| USUAL_SLOW * (-(lag as f64) / (USUAL_SECONDS * fps)).exp();
-        Self { constant: USUAL_CONSTANT, rest: (1..=longest).map(after).collect(), common: 0.0 }
+        let after = |lag: usize| USUAL_SHARE * (-(lag as f64) / (USUAL_SECONDS * fps)).exp();
+        Self { constant: USUAL_SHARE, rest: (1..=longest).map(after).collect(), common: 0.0 }
     }
 
     /// From the autocorrelation `rho` of the residuals at `lags`: at the longest ones it is the
     /// constant share c, and (ρ − c)/(1 − c) is that of the rest.
     fn of(lags: &[usize], rho: &[f64], fps: f64) -> Self {
-        let late = frames_in(LATE, fps);
+        let late = frames_in(MEMORY - SHORT, fps);
         let last = || lags.iter().zip(rho).filter(|(lag, _)| **lag >= late).map(|(_, r)| *r);
         let constant = (last().sum::<f64>() / last().count() as f64).clamp(0.0, MOST_CONSTANT);
         let rest = |k: usize| ((rho[k] - constant) / (1.0 - constant)).max(0.0);
@@ -68,6 +66,13 @@ impl Memory {
         let lags = self.rest.iter().enumerate().map(|(k, rho)| ((k + 1) as f64, rho));
         1.0 + 2.0
             * lags.take_while(|(h, _)| *h < n).map(|(h, rho)| (1.0 - h / n) * rho).sum::<f64>()
+    }
+
+    /// (1 − c) f(n), by which errors that last widen the `spread` S of a position over time: it
+    /// averages n = 3 / tr(S D) frames with the `information` D each.
+    pub(super) fn widens(&self, spread: &Matrix3<f64>, information: &Matrix3<f64>) -> f64 {
+        let frames = 3.0 / product(spread, information).trace().clamp(1e-3, 3.0);
+        (1.0 - self.constant) * self.frames(frames)
     }
 }
 

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::lasting::Memory;
-use super::solver::Common;
+use super::lasting::{Memory, USUAL_SHARE};
+use super::solver::{Common, UNSURE_REACH};
 use super::tracks::Tracks;
 use crate::bones::expected::{Expected, Shown, stature};
 use crate::bones::population::Proportion;
@@ -11,19 +11,12 @@ use crate::bones::{Length, REACH};
 use crate::statistics::weighted_median;
 
 /// Frames needed for an estimate.
-const LEAST: usize = 12;
+pub(super) const LEAST: usize = 12;
 /// Least standard deviation of a bone's length, mm.
 pub(super) const LEAST_SPREAD: f64 = 6.0;
-/// The same as a share of its length.
-pub(super) const LEAST_SHARE: f64 = 0.02;
-/// Share of a length's variance in one frame that all frames have in common.
-const LASTING: f64 = 0.5;
 /// Multiple of the population's spread: less errs where frames see a bone badly
 /// (docs/decisions.md).
 const LOOSE: f64 = 3.0;
-/// Standard errors between the measured and the expected length of a bone, from which they
-/// contradict each other.
-const CONTRADICTS: f64 = 3.0;
 
 /// What is known of a recording from a sample of it.
 #[derive(Debug, Clone, PartialEq)]
@@ -115,7 +108,7 @@ fn combined(measured: Option<MeasuredLength>, prior: Option<Length>) -> Length {
     };
     let square = prior.sigma * prior.sigma;
     let off = m.length.mean - prior.mean;
-    if m.well && off * off > CONTRADICTS * CONTRADICTS * (m.variance + square) {
+    if m.well && off * off > UNSURE_REACH * UNSURE_REACH * (m.variance + square) {
         return m.length;
     }
     let share = m.variance / (m.variance + square);
@@ -161,9 +154,8 @@ fn measure(
     let off = |s: &InFrame| ((s.length - mean).abs(), s.weight);
     let scatter = 1.4826 * weighted_median(&mut seen, off);
     let own = (scatter * scatter - noise).max(0.0).sqrt();
-    let usual = LEAST_SPREAD.max(LEAST_SHARE * mean);
-    let least = given.map_or(usual, |given| given.sigma.min(usual));
+    let least = given.map_or(LEAST_SPREAD, |given| given.sigma.min(LEAST_SPREAD));
     let length = Length { mean, sigma: own.max(least) };
-    let variance = if well { LASTING * noise } else { noise + scatter * scatter };
+    let variance = if well { USUAL_SHARE * noise } else { noise + scatter * scatter };
     Some(MeasuredLength { length, variance, well })
 }

@@ -36,6 +36,7 @@ mod size;
 pub mod solver;
 mod swaps;
 pub mod system;
+pub(crate) mod times;
 pub mod tracks;
 mod windows;
 

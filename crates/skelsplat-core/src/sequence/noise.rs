@@ -4,8 +4,6 @@
 use crate::refine::{Method, Refiner};
 use crate::statistics::median;
 
-/// Share of wrong detections before a recording shows it.
-const WRONG: f64 = 0.1;
 /// Lower limit of a kernel's σ², as a share of what the noise alone would give, once wrong
 /// detections are told from noise: errors of recordings are smallest from 0.4 to 0.8.
 pub(super) const WIDER: f64 = 0.6;
@@ -58,7 +56,7 @@ pub struct DetectionNoise {
     pub confidence: Vec<f64>,
     /// Variance of a detection of this confidence `(N, M)`, mm².
     pub variance: Vec<f64>,
-    /// Share of wrong detections ε.
+    /// Share of wrong detections ε; 0 before a recording shows it.
     pub wrong: f64,
     /// The final kernels.
     pub kernel: Kernel,
@@ -68,7 +66,7 @@ impl DetectionNoise {
     /// The same for all joints (of the `kernel`) and views, mm².
     pub fn uniform(confidence: Vec<f64>, variance: f64, kernel: Kernel) -> Self {
         let cells = kernel.sigma.len() * confidence.len();
-        Self { confidence, variance: vec![variance; cells], wrong: WRONG, kernel }
+        Self { confidence, variance: vec![variance; cells], wrong: 0.0, kernel }
     }
 
     /// That of every joint, mm²: the inverse of the views' mean precision.

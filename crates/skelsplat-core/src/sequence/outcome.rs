@@ -5,8 +5,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::posterior::Posterior;
 use super::solver::WindowSolver;
-use super::tracks::{BRIDGE, Tracks};
-use super::windows::{around, frames_in};
+use super::times::{BRIDGE, around, frames_in};
+use super::tracks::Tracks;
 use crate::annealed::Alone;
 use crate::annealed::consensus::REJECTED;
 use crate::annealed::depth::determine;
@@ -15,9 +15,6 @@ use crate::annealed::rays::there;
 use crate::bones::Pull;
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
 use crate::statistics::median;
-
-/// Share of wrong detections beyond which nothing is known: those that agree are the fewer.
-const MOST_WRONG: f64 = 0.5;
 
 /// A solved window.
 pub(super) struct SolvedWindow<'a> {
@@ -144,7 +141,8 @@ impl<'a> SolvedWindow<'a> {
         let fixed = self.fixed[k] == Some(true);
         let most = (INFERRED * common.reach).powi(2);
         let unknown = active
-            && (common.noise.wrong > MOST_WRONG
+            // Those that agree are the fewer.
+            && (common.noise.wrong > 0.5
                 || self.contradicted[k].trace() > 0.0
                 || (covariance.trace() > most && covariance.symmetric_eigenvalues().max() > most));
         let status = match (active, fixed) {

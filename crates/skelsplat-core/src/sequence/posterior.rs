@@ -23,12 +23,9 @@ use super::chain::Band;
 use super::lasting::Memory;
 use super::learn::Learnt;
 use super::solver::WindowSolver;
-use super::windows::{around, frames_in};
+use super::times::{AROUND, around, frames_in};
 use crate::matrix3::{inverse, times};
 
-/// Half of the time over which the information of a joint's detections is averaged, s; live, all
-/// of the time, also for a frame's noise and the body's spread.
-pub(super) const AROUND: f64 = 0.5;
 /// Sweeps of the bones' messages: to joints two bones away.
 const SWEEPS: usize = 3;
 
@@ -55,8 +52,7 @@ pub fn posterior(run: &WindowSolver<'_>, learnt: &Learnt) -> Posterior {
     for (j, memory) in learnt.memory.iter().enumerate() {
         let mut bands = run.bands(j);
         bands.iter_mut().zip(&run.system.blocks[run.system.of(j)]).for_each(|(band, block)| {
-            let frames = 3.0 / (band.own * block).trace().clamp(1e-3, 3.0);
-            band.scale((1.0 - memory.constant) * memory.frames(frames));
+            band.scale(memory.widens(&band.own, block));
         });
         let lasting = lasting(run, memory, j);
         for k in (0..t).filter(|k| tracks.active[j * t + k]) {

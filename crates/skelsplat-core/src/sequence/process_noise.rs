@@ -11,27 +11,22 @@
 //! second differences around, of the joint and of those that bones connect to it, with the
 //! recording's as a prior.
 
-use nalgebra::Vector3;
+use std::f64::consts::PI;
 
+use super::times::{AROUND, INDEPENDENT, around, frames_in};
 use super::tracks::{Tracks, Weights};
-use super::windows::{around, frames_in};
 use crate::bones::other_end;
 use crate::statistics::median;
+use nalgebra::Vector3;
 
 /// Longest time over which an acceleration is measured, s: half of the second difference's span.
 pub(super) const SPAN: f64 = 0.4;
 /// Multiple of the noise at which a span shows motion.
 const CLEAR: f64 = 2.0;
-/// Width of the transition around it.
-const SOFT: f64 = 1.0;
 /// Least share of white noise in the variance of the detections.
-pub(super) const LEAST_WHITE: f64 = 0.1;
+const LEAST_WHITE: f64 = 0.1;
 /// Process noise of joints of which too little is known, mm²/s³: 5 m/s² for a tenth of a second.
 pub(super) const USUAL_PROCESS_NOISE: f64 = 2.5e6;
-/// Least cut-off frequency between motion and noise, Hz.
-const SLOWEST: f64 = 0.5;
-/// The largest, as a share of the frame rate.
-const FASTEST: f64 = 0.5;
 /// Share of the measured process noise where views do not agree, at high rates: wrong detections
 /// last, and the more of them there are per second, the more they weigh against the motion
 /// (measured).
@@ -43,12 +38,9 @@ const SLOW_RATE: f64 = 15.0;
 const STILL: f64 = 1e-6;
 /// Second differences needed for an estimate.
 const LEAST: usize = 6;
-/// Half of the time in which second differences show the process noise at a time, s.
-const AROUND: f64 = 0.3;
-/// Second differences as which the recording's process noise counts.
-const PRIOR: f64 = 6.0;
-/// They are at least those of this time, s, since at high rates they overlap.
-const PRIOR_TIME: f64 = 0.2;
+/// Second differences as which the recording's process noise counts, at least those of the time in
+/// which errors become independent: at high rates they overlap.
+const PRIOR: f64 = LEAST as f64;
 
 /// The process noise of a joint in a recording.
 #[derive(Debug, Clone, PartialEq)]
@@ -80,11 +72,22 @@ pub fn learn(tracks: &Tracks, fps: f64, variance: &[f64]) -> Vec<ProcessNoise> {
         let (q, white) = (if usual.is_finite() { *usual } else { shared }, *white);
         squares.iter_mut().for_each(|square| *square = square.max(STILL * white));
         for h in squares.len() + 1..=frames_in(SPAN, fps) {
-            squares.push(2.0 / 3.0 * q * (h as f64 / fps).powi(3) + 6.0 * white);
+            squares.push(of_span(h, q, white, fps));
         }
         *usual = bounded(share(fps) * q, white, *variance, fps);
     }
     own
+}
+
+/// The variance per axis of second differences over `h` frames, for these densities of motion and
+/// of white noise.
+pub(super) fn of_span(h: usize, q: f64, white: f64, fps: f64) -> f64 {
+    2.0 / 3.0 * q * (h as f64 / fps).powi(3) + 6.0 * white
+}
+
+/// The white part of the noise of this `variance`, by the second differences from frame to frame.
+pub(super) fn white_part(first: f64, variance: f64) -> f64 {
+    (first / 6.0).clamp(LEAST_WHITE * variance, variance)
 }
 
 /// Share of the measured process noise where views do not agree.
@@ -92,11 +95,10 @@ fn share(fps: f64) -> f64 {
     (SLOW_RATE / fps).clamp(SHARE, 1.0)
 }
 
-/// q for data of this variance, of which `white` is white, within the bounds.
+/// q for data of this variance, of which `white` is white: the cut-off frequency between motion and
+/// noise is at most half of the frame rate.
 pub(super) fn bounded(q: f64, white: f64, variance: f64, fps: f64) -> f64 {
-    let at = |f: f64| (std::f64::consts::TAU * f).powi(4) * variance / fps;
-    let fastest = FASTEST * fps;
-    (q * variance / white).clamp(at(SLOWEST.min(fastest)), at(fastest))
+    (q * variance / white).min((PI * fps).powi(4) * variance / fps)
 }
 
 /// q by the variances of second differences over spans of h frames, for noise of the variance
@@ -124,7 +126,7 @@ fn is_clear(square: f64, white: f64) -> bool {
 /// How little a span shows motion, from 1 to 0 around [`CLEAR`], without a jump: q must not depend
 /// on a hair.
 fn unclear(square: f64, white: f64) -> f64 {
-    (CLEAR + 0.5 * SOFT - square / (6.0 * white)).clamp(0.0, SOFT) / SOFT
+    (CLEAR + 0.5 - square / (6.0 * white)).clamp(0.0, 1.0)
 }
 
 /// What the positions of a joint show: q, NaN if too little is known, and the variances of second
@@ -140,7 +142,7 @@ fn measured(tracks: &Tracks, fps: f64, j: usize, variance: f64) -> ProcessNoise 
     let Some(first) = squares.first() else {
         return ProcessNoise { usual: f64::NAN, variance, white: variance, squares };
     };
-    let white = (first / 6.0).clamp(LEAST_WHITE * variance, variance);
+    let white = white_part(*first, variance);
     // Too short a recording may end before a slow joint has moved: then little motion in few
     // frames means nothing.
     let shows = squares.len() == spans || squares.iter().any(|s| is_clear(*s, white));
@@ -188,7 +190,7 @@ pub fn local(tracks: &Tracks, fps: f64, bones: &[[usize; 2]], usual: &[ProcessNo
     let views: Vec<Vec<u64>> = (0..tracks.joints).map(|j| agreeing(tracks, j)).collect();
     let (reach, spans) = (frames_in(AROUND, fps), frames_in(SPAN, fps));
     let mut shares: Vec<f64> = Vec::new();
-    let prior = PRIOR.max(PRIOR_TIME * fps);
+    let prior = PRIOR.max(INDEPENDENT * fps);
     for h in 1..=spans {
         let of_joint = |j: usize| ratios(tracks, &views[j], j, h, usual[j].squares[h - 1]);
         let sums: Vec<Vec<[f64; 2]>> = (0..tracks.joints).map(of_joint).collect();

@@ -17,14 +17,16 @@ use std::sync::LazyLock;
 
 use super::noise::{DetectionNoise, Kernel, WIDER};
 use super::solver::WindowSolver;
-use super::windows::{around, frames_in};
+use super::times::{BRIDGE, INDEPENDENT, around, frames_in};
+use crate::annealed::Annealing;
+use crate::annealed::posterior::PLACED;
 use crate::matrix3::inverse;
 use crate::statistics::median;
 
 /// Steps of the ladder per doubling of the variance.
-const PER_OCTAVE: f64 = 2.0;
+const PER_OCTAVE: usize = 2;
 /// Doublings of the variance below the usual one at which the ladder begins.
-const LOWEST: f64 = 4.0;
+const LOWEST: usize = 4;
 /// Its steps: it ends at 32 times the usual noise.
 const LEVELS: usize = 29;
 /// Squares are counted in bins, four per doubling, the first below 2⁻¹², the last from 2¹⁶.
@@ -32,27 +34,15 @@ const BINS: usize = 112;
 const FIRST_BIN: i64 = -48;
 /// Shares of wrong detections, of which the likeliest is taken.
 const WRONG: [f64; 5] = [0.02, 0.1, 0.25, 0.45, 0.65];
-/// Standard deviation of wrong detections per axis, mm: as in a frame's evidence.
-const ANYWHERE: f64 = 320.0;
-/// Standard deviations of the factors' logarithms, doublings: classes and views of real recordings
-/// differ by about as much; the rest is small.
-const OF_CLASS: f64 = 1.5;
-const OF_VIEW: f64 = 1.0;
-const OF_CELL: f64 = 0.5;
-const OF_TIME: f64 = 1.0;
+/// Standard deviation of the factors' logarithms, doublings: views of real recordings and times
+/// differ by about as much, classes by half as much again, a class in a view or a view in time by
+/// half of it.
+const FACTOR: f64 = 1.0;
 /// Frames as which any number of a joint in a view counts: errors last, squares correlate by 0.16.
 const MOST_FRAMES: f64 = 6.0;
-/// Half of the time over which a scale is measured, s.
-const AROUND: f64 = 1.0;
-/// Time in which errors become independent, s.
-pub(crate) const INDEPENDENT: f64 = 0.2;
 /// Share of the leverage in its frame alone that a position over time takes up: all of errors that
 /// last, of white ones what is left after smoothing (measured on real recordings).
 pub(super) const TAKEN: f64 = 0.7;
-/// Logarithm of a weight that adds nothing to a sum in double precision.
-const NEGLIGIBLE: f64 = -36.0;
-/// Least sum of weights of a frame that shows the noise: two views.
-const LEAST_SUPPORT: f64 = 1.6;
 
 impl DetectionNoise {
     /// The scales that the residuals show, of joints that belong to `classes`.
@@ -75,12 +65,12 @@ impl DetectionNoise {
         let (mut of_class, mut of_view) = (vec![shared; n], vec![0.0; m]);
         for _ in 0..SWEEPS {
             let own = |a: usize| together(&|c| (classes[c / m] == a).then(|| of_view[c % m]));
-            of_class = (0..n).map(|a| mean(&own(a), shared, OF_CLASS)).collect();
+            of_class = (0..n).map(|a| mean(&own(a), shared, 1.5 * FACTOR)).collect();
             let own = |i: usize| together(&|c| (c % m == i).then(|| of_class[classes[c / m]]));
-            of_view = (0..m).map(|i| mean(&own(i), 0.0, OF_VIEW)).collect();
+            of_view = (0..m).map(|i| mean(&own(i), 0.0, FACTOR)).collect();
         }
         let octaves =
-            |c: usize| mean(&cells[c], of_class[classes[c / m]] + of_view[c % m], OF_CELL);
+            |c: usize| mean(&cells[c], of_class[classes[c / m]] + of_view[c % m], 0.5 * FACTOR);
         let variance = (0..n * m).map(|c| usual * exp2(octaves(c))).collect();
         let kernel = Kernel { least: WIDER, ..self.kernel.clone() };
         Self { variance, wrong, kernel, ..self.clone() }
@@ -90,7 +80,7 @@ impl DetectionNoise {
     pub fn in_time(&self, residuals: &Residuals, fps: f64) -> Vec<f64> {
         let (m, t) = (self.confidence.len(), residuals.frames);
         let ladder = Ladder::new(median(self.variance.iter().copied()), self.wrong);
-        let (reach, share) = (frames_in(AROUND, fps), 1.0 / (1.0 + INDEPENDENT * fps));
+        let (reach, share) = (frames_in(BRIDGE, fps), 1.0 / (1.0 + INDEPENDENT * fps));
         // Running sums `(T + 1, M)`.
         let mut sums = vec![[0.0; LEVELS]; (t + 1) * m];
         for (j, squares) in residuals.squares.chunks(t * m).enumerate() {
@@ -109,8 +99,8 @@ impl DetectionNoise {
                 let (first, last) = (&sums[near.start * m + i], &sums[near.end * m + i]);
                 std::array::from_fn(|k| last[k] - first[k])
             };
-            let shared = mean(&(0..m).map(of_view).fold([0.0; LEVELS], plus), 0.0, OF_TIME);
-            (0..m).for_each(|i| out[i * t + k] = exp2(mean(&of_view(i), shared, OF_CELL)));
+            let shared = mean(&(0..m).map(of_view).fold([0.0; LEVELS], plus), 0.0, FACTOR);
+            (0..m).for_each(|i| out[i * t + k] = exp2(mean(&of_view(i), shared, 0.5 * FACTOR)));
         }
         out
     }
@@ -163,7 +153,7 @@ impl Ladder {
     }
 
     fn new(usual: f64, wrong: f64) -> Self {
-        let elsewhere = wrong * usual / (ANYWHERE * ANYWHERE);
+        let elsewhere = wrong * usual / (Annealing::START * Annealing::START);
         let of_bin = |row: &Log| row.map(|p| ((1.0 - wrong) * p + elsewhere).ln());
         Self { table: NORMAL.iter().map(of_bin).collect() }
     }
@@ -187,7 +177,7 @@ fn bin(x: f64) -> usize {
 
 /// Doublings of the usual variance at a step of the ladder.
 fn octaves(level: usize) -> f64 {
-    level as f64 / PER_OCTAVE - LOWEST
+    level as f64 / PER_OCTAVE as f64 - LOWEST as f64
 }
 
 fn exp2(x: f64) -> f64 {
@@ -202,7 +192,7 @@ fn plus(mut a: Log, b: Log) -> Log {
 /// log p by the variance that is left when so many doublings are taken off.
 fn shifted(log: &Log, octaves: f64) -> Log {
     std::array::from_fn(|k| {
-        let at = (k as f64 + octaves * PER_OCTAVE).clamp(0.0, (LEVELS - 1) as f64);
+        let at = (k as f64 + octaves * PER_OCTAVE as f64).clamp(0.0, (LEVELS - 1) as f64);
         let below = (at as usize).min(LEVELS - 2);
         let part = at - below as f64;
         log[below] * (1.0 - part) + log[below + 1] * part
@@ -213,8 +203,8 @@ fn shifted(log: &Log, octaves: f64) -> Log {
 fn mean(log: &Log, prior: f64, spread: f64) -> f64 {
     let of_level = |k: usize| log[k] - 0.5 * ((octaves(k) - prior) / spread).powi(2);
     let most = (0..LEVELS).map(of_level).fold(f64::NEG_INFINITY, f64::max);
-    let (mut sum, mut weights) = (0.0, 0.0);
-    for k in (0..LEVELS).filter(|k| of_level(*k) > most + NEGLIGIBLE) {
+    let (mut sum, mut weights, least) = (0.0, 0.0, most + f64::EPSILON.ln());
+    for k in (0..LEVELS).filter(|k| of_level(*k) > least) {
         let weight = (of_level(k) - most).exp();
         (sum, weights) = (sum + weight * octaves(k), weights + weight);
     }
@@ -241,7 +231,7 @@ impl Residuals {
             let (rays, x) = (tracks.rays(k / t, k % t), &run.points[k]);
             let own = kept.iter_mut().enumerate();
             own.for_each(|(i, kept)| *kept = tracks.trust(k, i, x, wider));
-            if kept.iter().sum::<f64>() <= LEAST_SUPPORT {
+            if kept.iter().sum::<f64>() <= PLACED {
                 continue;
             }
             let spread = inverse(&run.system.blocks[k]);

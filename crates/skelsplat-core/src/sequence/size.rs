@@ -6,7 +6,7 @@
 //! of a body that may be a person's is 1.
 
 use crate::annealed::posterior::BodyExtent;
-use crate::annealed::rays::nearest_with_spread;
+use crate::annealed::rays::nearest;
 use crate::bones::population::{Proportion, STATURE};
 use crate::error::Result;
 use crate::refine::{Frame, Refiner};
@@ -29,8 +29,8 @@ pub(super) fn body_size<'a>(refiner: &Refiner, stretches: &[&'a [Frame]]) -> Res
     for frame in all.iter().step_by(all.len().div_ceil(FRAMES).max(1)) {
         let rays = refiner.rays(&frame.detections)?;
         let at = |j: usize| {
-            let found = nearest_with_spread(rays.of_joint(j), |ray| f64::from(ray.is_there()));
-            found.map_or(Vector3::repeat(f64::NAN), |(x, _)| x)
+            let found = nearest(rays.of_joint(j), |ray| f64::from(ray.is_there()));
+            found.unwrap_or_else(|| Vector3::repeat(f64::NAN))
         };
         let points: Vec<_> = (0..rays.n_joints()).map(at).collect();
         sizes.extend(shown_sizes(&refiner.expected.proportions, &points));

@@ -6,10 +6,11 @@ use super::chain::{Band, Chain, add_stiffness};
 use super::noise::DetectionNoise;
 use super::process_noise::ProcessNoise;
 use super::system::System;
+use super::times::{SHORT, around, frames_in};
 use super::tracks::Tracks;
-use super::windows::{around, frames_in};
+use crate::annealed::Annealing;
 use crate::batch::Progress;
-use crate::bones::{Length, Pull};
+use crate::bones::{Length, Pull, REACH};
 use crate::error::Result;
 use crate::matrix3::{Symmetric, inverse, times};
 
@@ -55,25 +56,14 @@ pub const SETTLE: &Schedule = &[(1.0, 6)];
 const ROUNDS: usize = 8;
 /// Their relative accuracy.
 const ACCURACY: f64 = 0.05;
-/// Reach of the kernel of accelerations, in standard deviations.
-const MOTION_REACH: f64 = 4.0;
-/// Half of the time over which an acceleration is measured for its kernel.
-const MOTION_SPAN: f64 = 0.05;
-/// Half of the time over which the weights of a view's detections of a joint are averaged.
-const TRUST_SPAN: f64 = 0.1;
-/// Damping of a step.
-const DAMPING: f64 = 320.0;
-/// Longest step of a joint.
-const LONGEST: f64 = 300.0;
-/// Steps that are shorter than this share of the noise, root mean square, end the work under a
-/// kernel.
-const SMALL: f64 = 0.01;
+/// Longest step of a joint, mm, and the distance that damps it.
+const LONGEST: f64 = Annealing::START;
 /// Rounds of the smoothing from which the annealing starts.
 const SMOOTHING: usize = 4;
-/// Reach of its kernel, in standard deviations.
-const UNSURE_REACH: f64 = 3.0;
-/// The same for positions on which three views agree.
-const SURE_REACH: f64 = 20.0;
+/// Reach of its kernel for positions on which views do not agree, and live of that of the
+/// prediction, in standard deviations; from as many on, the measured and the expected length of a
+/// bone contradict each other.
+pub(super) const UNSURE_REACH: f64 = 3.0;
 
 /// The state of a run over one stretch.
 pub struct WindowSolver<'a> {
@@ -115,7 +105,7 @@ impl<'a> WindowSolver<'a> {
                 progress.check()?;
                 self.linearise(*wider);
                 self.n_iter += 1;
-                if self.step() < SMALL * noise {
+                if self.step() < Annealing::TOLERANCE * noise {
                     break;
                 }
             }
@@ -126,7 +116,7 @@ impl<'a> WindowSolver<'a> {
     /// Fills the system at the present positions under kernels `wider` than the final ones.
     pub fn linearise(&mut self, wider: f64) {
         for j in 0..self.tracks.joints {
-            self.couple(j, MOTION_REACH);
+            self.couple(j, REACH);
             self.see(j, wider);
             let (of, system) = (self.system.of(j), &mut self.system);
             let pulls = &mut system.pulls[of.clone()];
@@ -148,7 +138,7 @@ impl<'a> WindowSolver<'a> {
 
     /// One step; returns the root mean square movement, mm.
     fn step(&mut self) -> f64 {
-        let step = self.system.solve(DAMPING.powi(-2), ACCURACY, ROUNDS);
+        let step = self.system.solve(LONGEST.powi(-2), ACCURACY, ROUNDS);
         let mut squares = 0.0;
         for (x, step) in self.points.iter_mut().zip(step) {
             let length = step.norm();
@@ -165,7 +155,7 @@ impl<'a> WindowSolver<'a> {
     fn see(&mut self, j: usize, wider: f64) {
         let (kept, sums) = self.weigh(j, wider);
         let (views, of) = (self.tracks.views, self.system.of(j));
-        let reach = frames_in(TRUST_SPAN, self.common.fps);
+        let reach = frames_in(SHORT, self.common.fps);
         let (rays, weights) = self.tracks.of_joint(j);
         let system = &mut self.system;
         let own = system.blocks[of.clone()].iter_mut().zip(&mut system.pulls[of.clone()]);
@@ -217,7 +207,7 @@ impl<'a> WindowSolver<'a> {
     }
 
     /// The weights of joint `j`'s second differences, 1/(q dt³), less where the acceleration is
-    /// larger than usual: it is measured over [`MOTION_SPAN`], so that the frame rate does not
+    /// larger than usual: it is measured over [`SHORT`], so that the frame rate does not
     /// matter. There is none across a cut.
     fn couple(&mut self, j: usize, reach: f64) {
         let of = self.system.of(j);
@@ -225,7 +215,7 @@ impl<'a> WindowSolver<'a> {
         let n = x.len();
         let dt = 1.0 / self.common.fps;
         let local = self.tracks.process_noise.get(of.clone());
-        let h = frames_in(MOTION_SPAN, self.common.fps);
+        let h = frames_in(SHORT, self.common.fps);
         let usual = |q: f64, h: usize| {
             3.0 * q * (h as f64 * dt).powi(3) * if h > 1 { 2.0 / 3.0 } else { 1.0 }
         };
@@ -282,12 +272,12 @@ impl<'a> WindowSolver<'a> {
             let x = &self.points[of.clone()];
             let block = |t: usize| {
                 if !known(t) {
-                    let still = if active[t] { DAMPING.powi(-4) } else { 1.0 };
+                    let still = if active[t] { LONGEST.powi(-4) } else { 1.0 };
                     return Matrix3::from_diagonal_element(still);
                 }
                 let off = alone[t] - x[t];
                 let square = off.dot(&(precision[t] * off));
-                let reach = if sure[t] { SURE_REACH } else { UNSURE_REACH };
+                let reach = if sure[t] { f64::INFINITY } else { UNSURE_REACH };
                 precision[t] / (1.0 + square / (reach * reach))
             };
             let blocks: Vec<Matrix3<f64>> = (0..x.len()).map(block).collect();

@@ -6,19 +6,12 @@
 //! Where as many views are swapped as are not, the frames alone may have exchanged the sides in the
 //! wrong half. Then the chain jumps to the other side and back, and the sides are those with which
 //! it goes on as it was.
-
 use super::solver::Common;
+use super::times::{AROUND, SHORT, around, frames_in};
 use super::tracks::Tracks;
-use super::windows::{around, frames_in};
-use crate::annealed::swaps::Chain;
+use crate::annealed::frame::SWAP_EVIDENCE;
+use crate::annealed::swaps::{Chain, GAIN};
 use nalgebra::Vector3;
-
-/// Detections of mean weight by which a swap explains more in its frame.
-const OWN_GAIN: f64 = 0.5;
-/// The same in the mean over the frames around it.
-const MEAN_GAIN: f64 = 1.0;
-/// Half of the time over which the gain is averaged, s.
-const AROUND: f64 = 0.05;
 
 /// A chain of joints swapped in a view of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,13 +20,6 @@ pub(super) struct FrameSwap {
     pub(super) view: usize,
     pub(super) chain: usize,
 }
-
-/// Cost of a jump of a chain to the other side.
-const JUMP: f64 = 10.0;
-/// Cost of a view whose sides are exchanged, per second.
-const EXCHANGED: f64 = 7.5;
-/// Longest gap, s, over which a chain goes on as it was.
-const GAP: f64 = 0.3;
 
 /// The swaps in all views of the frames that have exchanged the sides of a chain wrongly.
 pub(super) fn exchanged(tracks: &Tracks, chains: &[Chain], common: &Common) -> Vec<FrameSwap> {
@@ -63,12 +49,13 @@ fn sides(tracks: &Tracks, pairs: &Chain, common: &Common) -> Vec<bool> {
     let (mut costs, mut from) = ([0.0; 2], Vec::with_capacity(known.len()));
     for (k, t) in known.iter().enumerate() {
         let before = k.checked_sub(1).map(|k| known[k]);
-        let near = before.filter(|b| t - b <= frames_in(GAP, common.fps) && !tracks.is_cut(*b, *t));
+        let near =
+            before.filter(|b| t - b <= frames_in(AROUND, common.fps) && !tracks.is_cut(*b, *t));
         let crossed = near.and_then(|b| crossing(places(b), places(*t))).unwrap_or(0.5);
-        let stay = |s: usize| costs[s] + JUMP * crossed;
-        let turn = |s: usize| costs[1 - s] + JUMP * (1.0 - crossed);
+        let stay = |s: usize| costs[s] + SWAP_EVIDENCE * crossed;
+        let turn = |s: usize| costs[1 - s] + SWAP_EVIDENCE * (1.0 - crossed);
         let kept = [0, 1].map(|s| stay(s) <= turn(s));
-        let own = against(tracks, pairs, *t).map(|views| EXCHANGED / common.fps * views);
+        let own = against(tracks, pairs, *t).map(|views| SWAP_EVIDENCE / common.fps * views);
         costs = [0, 1].map(|s| if kept[s] { stay(s) } else { turn(s) } + own[s]);
         from.push(kept);
     }
@@ -128,7 +115,7 @@ pub(super) fn find(
     points: &[Vector3<f64>],
     common: &Common,
 ) -> Vec<FrameSwap> {
-    let reach = frames_in(AROUND, common.fps);
+    let reach = frames_in(SHORT, common.fps);
     let mut found = Vec::new();
     for (chain, pairs) in chains.iter().enumerate() {
         for view in 0..tracks.views {
@@ -137,9 +124,9 @@ pub(super) fn find(
                     pairs.iter().map(|pair| gain(tracks, points, common, view, t, *pair)).sum()
                 })
                 .collect();
-            for (frame, own) in gains.iter().enumerate().filter(|(_, g)| **g >= OWN_GAIN) {
+            for (frame, _) in gains.iter().enumerate().filter(|(_, g)| **g >= GAIN) {
                 let near = &gains[around(frame, reach, gains.len())];
-                if near.iter().sum::<f64>() >= MEAN_GAIN * near.len() as f64 && *own > 0.0 {
+                if near.iter().sum::<f64>() >= GAIN * near.len() as f64 {
                     found.push(FrameSwap { frame, view, chain });
                 }
             }

@@ -3,25 +3,19 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::noise::DetectionNoise;
+use super::times::BRIDGE;
 use crate::annealed::Alone;
 use crate::annealed::consensus::REJECTED;
 use crate::annealed::rays::{Offset, Ray};
 use crate::statistics::median;
 
-/// Longest gap over which a joint is bridged, s.
-pub(super) const BRIDGE: f64 = 1.0;
 /// Weight of rays that agree closely.
 const CLOSE: f64 = 0.7;
 /// Root mean square deviation, in standard deviations, of the joints from a steady motion that
 /// shows a cut.
 const JUMP: f64 = 2.0;
-/// Multiple of its square that a frame beside a cut does not reach: it departs from a velocity that
-/// is measured across the cut.
-const BESIDE: f64 = 2.0;
-/// Least number of joints that show a cut.
+/// Least number of joints that show a cut, at least half of those that are estimated.
 const LEAST_JOINTS: usize = 3;
-/// Their least share of those that are estimated.
-const LEAST_SHARE: f64 = 0.5;
 
 /// How a ray is weighted.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -196,14 +190,9 @@ impl Tracks {
     /// all cut from each other.
     pub fn find_cuts(&mut self, fps: f64, usual: &[f64]) {
         let apart = fps * BRIDGE < 1.0;
-        let jumps: Vec<f64> = (0..self.frames).map(|t| self.jumps(t, fps, usual)).collect();
         let mut cuts = 0;
-        for (t, jump) in jumps.iter().enumerate() {
-            let near = jumps[t.saturating_sub(1)..(t + 2).min(jumps.len())].iter();
-            let jumped = *jump > JUMP * JUMP && near.copied().fold(0.0, f64::max) < BESIDE * jump;
-            if jumped || apart {
-                cuts += 1;
-            }
+        for t in 0..self.frames {
+            cuts += usize::from(apart || self.jumps(t, fps, usual) > JUMP * JUMP);
             self.cuts[t] += cuts;
         }
     }
@@ -215,8 +204,8 @@ impl Tracks {
         let asked = (0..self.joints).filter(both).count();
         let jumps = (0..self.joints).filter_map(|j| self.jump(j, t, usual[j] / fps.powi(3)));
         let jumps: Vec<f64> = jumps.collect();
-        let enough = jumps.len() as f64 >= LEAST_SHARE * asked as f64;
-        if jumps.len() >= LEAST_JOINTS && enough { median(jumps) } else { 0.0 }
+        let is_enough = jumps.len() >= LEAST_JOINTS && 2 * jumps.len() >= asked;
+        if is_enough { median(jumps) } else { 0.0 }
     }
 
     /// How far joint `j` moves before frame `t` beyond what its velocity before and after explains:

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-/// Overlap of windows on either side, s.
-const OVERLAP: f64 = 2.0;
+use super::times::{OVERLAP, frames_in};
+
 /// Least overlap, frames.
 const LEAST_OVERLAP: usize = 30;
 /// Length of a window, in overlaps, without them.
@@ -50,14 +50,4 @@ pub fn sample(windows: &[Window]) -> Vec<Range<usize>> {
         }
     }
     out
-}
-
-/// Frames up to `reach` away from `t`, of `n`.
-pub(super) fn around(t: usize, reach: usize, n: usize) -> Range<usize> {
-    t.saturating_sub(reach)..(t + reach + 1).min(n)
-}
-
-/// Number of frames in `seconds`, at least one.
-pub(super) fn frames_in(seconds: f64, fps: f64) -> usize {
-    ((seconds * fps).round() as usize).max(1)
 }

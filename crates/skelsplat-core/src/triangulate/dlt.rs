@@ -5,12 +5,10 @@ use nalgebra::{Matrix4, RowVector4, Vector2, Vector3, Vector4};
 use crate::camera::{Camera, NEAR};
 use crate::detections::Detections;
 
-/// Third singular value, relative to the first, below which the rays do not determine a point
-/// (one centre, or all centres on the ray).
+/// Third singular value, relative to the first, below which the rays do not determine a point (one
+/// centre, or all centres on the ray), and homogeneous coordinate, relative to the point in rig
+/// lengths, below which it is at infinity: what is left of 0 after rounding.
 const RANK: f64 = 1e-10;
-/// Homogeneous coordinate, relative to the point in rig lengths, below which the point is at
-/// infinity.
-const AT_INFINITY: f64 = 1e-9;
 
 /// Triangulates each joint from the ideal pixels of the views that detect it.
 ///
@@ -52,7 +50,7 @@ pub(super) fn point(
     let Some(h) = null_vector(&system).filter(|_| seen().count() >= 2) else {
         return nan;
     };
-    if h.w.abs() <= AT_INFINITY {
+    if h.w.abs() <= RANK {
         return nan;
     }
     let x = frame.origin + h.xyz() * (frame.length / h.w);

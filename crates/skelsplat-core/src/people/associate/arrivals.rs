@@ -1,23 +1,19 @@
 //! Arrivals: newcomers, bodies that are found again, and bodies that turn out to be one.
 
-use super::claims::hand_back;
+use super::claims::{SHAPE, hand_back};
 use super::{Associator, DIFFERENCE, HOLD};
+use crate::annealed::places::LEAP;
 use crate::people::births::{Free, Newcomer};
 use crate::people::body::{Body, Claims, apart, views};
 use crate::people::crowd::Crowd;
 use crate::people::doubles::is_known;
+use crate::sequence::live::filter::ANY_SPEED;
 
 /// Support below which two views may have agreed by chance.
 const DOUBTFUL: f64 = 1.0;
 /// A body is taken for a newcomer that is nearer than this, in kernels, if its own figures fit it
 /// badly.
 const NEAR: f64 = 3.5;
-/// Mean score of the figures of a body below which they fit it badly.
-const MISFIT: f64 = 0.55;
-/// How far a lost body can have moved at once, mm.
-pub(in crate::people) const REACH: f64 = 300.0;
-/// How far it can have moved besides, mm/s.
-pub(in crate::people) const SPEED: f64 = 2000.0;
 
 impl Associator {
     /// Gives back the figures of bodies that only two views see, with little support, where there
@@ -134,7 +130,7 @@ impl Associator {
             let far = apart(&body.pose, &newcomer.pose);
             (far < NEAR * self.known.sigma
                 && n <= views(&newcomer.claims)
-                && sum < MISFIT * f64::from(n as u32))
+                && sum < SHAPE * f64::from(n as u32))
             .then_some((far, b))
         };
         let all = self.bodies.iter().enumerate().filter_map(fit);
@@ -150,7 +146,7 @@ impl Associator {
         let body = Body::new(0, newcomer.pose.clone(), &self.known.limbs);
         let cost = |(at, lost): (usize, &Body)| {
             let gap = self.dt * (lost.alone + 1) as f64;
-            let reach = REACH + SPEED * gap;
+            let reach = LEAP + ANY_SPEED * gap;
             let far = apart(&lost.pose, &body.pose) / reach;
             // Bones of a single frame are no measure of them: they only tell apart after a while.
             let differs = lost.differs(&body) / DIFFERENCE;

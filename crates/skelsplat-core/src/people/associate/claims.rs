@@ -2,34 +2,26 @@
 
 use nalgebra::Vector3;
 
-use super::{Associator, DIFFERENCE};
+use super::{Associator, DIFFERENCE, PAUSE};
 use crate::people::births::{FITS, Free};
 use crate::people::body::{Body, Claims, placed, views};
 use crate::people::crowd::{Crowd, Figure};
 use crate::people::known::BodyModel;
 use crate::people::score::{assign, at_body};
 
+/// Least score of a figure that no other view confirms: of a body that only one view sees, or at a
+/// body that has one already. Figures that score less on average fit their body badly.
+pub(super) const SHAPE: f64 = 0.5;
+
 /// Unexpected acceleration of a body, mm/s²: about that of gravity.
 const ACCELERATION: f64 = 10_000.0;
-/// Largest factor by which it widens the kernel.
-const WIDEST: f64 = 2.0;
-/// Time for which a body that no view sees claims figures, s.
-const RECENT: f64 = 0.3;
-/// Least score of a claim before the body is placed.
-const CLAIM: f64 = 0.25;
-/// Least score of a figure that no other view confirms: of a body that only one view sees, or at a
-/// body that has one already.
-const SHAPE: f64 = 0.5;
-/// Share of its joints that such a figure may have in common with the first, if it is another part
-/// of the body.
-const PART: f64 = 0.3;
 
 impl Associator {
-    /// Kernel for a body that was last seen by two views so many frames ago.
+    /// Kernel for a body that was last seen by two views so many frames ago, at most twice as wide.
     fn kernel(&self, alone: usize) -> f64 {
         let gap = self.dt * (alone + 1) as f64;
         let drift = 0.5 * ACCELERATION * gap * gap;
-        self.known.sigma.hypot(drift).min(WIDEST * self.known.sigma)
+        self.known.sigma.hypot(drift).min(2.0 * self.known.sigma)
     }
 
     /// Figures that bodies claim from where they are expected.
@@ -38,7 +30,7 @@ impl Associator {
     /// sight is not sure.
     pub(super) fn claims(&self, crowd: &Crowd, free: &mut Free) -> Vec<Claims> {
         let mut claims = vec![vec![[None, None]; crowd.views.len()]; self.bodies.len()];
-        let recent = (RECENT / self.dt).ceil() as usize;
+        let recent = (PAUSE / self.dt).ceil() as usize;
         for first in [true, false] {
             let score = |b: usize, figure: &Figure| {
                 let body = &self.bodies[b];
@@ -47,7 +39,7 @@ impl Associator {
                 }
                 at_body(figure, &body.pose, self.kernel(body.alone), &self.known.mirror)
             };
-            give_free(crowd, &mut claims, free, CLAIM, score);
+            give_free(crowd, &mut claims, free, FITS, score);
         }
         claims
     }
@@ -182,7 +174,7 @@ pub(in crate::people) fn absorb(
             free[i][slot] = false;
             let rays = figure.rays.iter().zip(&crowd.views[i][first].rays);
             let common = rays.filter(|(a, b)| a.is_there() && b.is_there()).count();
-            if claim[1].is_none() && (common as f64) <= PART * figure.joints as f64 {
+            if claim[1].is_none() && 2 * common <= figure.joints {
                 claim[1] = Some(slot);
             }
         }

@@ -6,23 +6,26 @@ mod claims;
 
 use nalgebra::Vector3;
 
-pub(super) use arrivals::{REACH, SPEED};
 pub(super) use claims::{absorb, give_free};
 
 use super::body::{Body, Claims};
 use super::crowd::Crowd;
 use super::known::BodyModel;
+use crate::sequence::times::{BRIDGE, SHORT};
 
-/// Time without any view after which a body is lost, s.
-const HOLD: f64 = 1.0;
-/// Time for which it then keeps its identity, s.
+/// Time without any view after which a body is lost, s: as long as a joint is bridged.
+const HOLD: f64 = BRIDGE;
+/// Time for which it then keeps its identity, and from which bones are measured before and after a
+/// meeting, s.
 pub(super) const KEEP: f64 = 5.0;
+/// Time for which a body that no view sees claims figures, s; also between two meetings that are
+/// one, the shortest from which bones are measured, and for which two can be there while one takes
+/// over from the other.
+pub(super) const PAUSE: f64 = 0.5;
 /// Time for which one view alone keeps a body, s.
 const ALONE: f64 = 3.0;
-/// Difference between the bones of a lost body and one that is found, relative to their length.
-const DIFFERENCE: f64 = 0.12;
-/// Time for which two views must see a body before it is known, s.
-const KNOWN: f64 = 0.1;
+/// Largest median difference between the bones of one person, relative to their length.
+pub(super) const DIFFERENCE: f64 = 0.12;
 /// Number of bodies that are followed, and of those that are lost and remembered.
 const MOST_BODIES: usize = 512;
 
@@ -112,7 +115,7 @@ impl Associator {
     }
 
     fn sightings(&self, claims: &[Claims]) -> Vec<Sighting> {
-        let least = (KNOWN / self.dt).round().clamp(1.0, 5.0) as usize;
+        let least = (SHORT / self.dt).round().clamp(1.0, 5.0) as usize;
         let all = self.bodies.iter().zip(claims);
         let seen = all.filter(|(_, claims)| claims.iter().any(|claim| claim[0].is_some()));
         let sighting = |(body, claims): (&Body, &Claims)| Sighting {

@@ -2,17 +2,11 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::filter::LARGEST;
 use crate::bones::{Length, Pull};
 use crate::matrix3::times;
-use crate::sequence::learn::{LEAST_SHARE, LEAST_SPREAD};
+use crate::sequence::learn::{LEAST, LEAST_SPREAD};
 use crate::sequence::outcome::Answer;
-
-/// Frames over which a length is averaged at most.
-const MOST: f64 = 1000.0;
-/// Least number of frames that show a length.
-const LEAST: f64 = 6.0;
-/// Largest deviation that counts, in multiples of the usual one.
-const REACH: f64 = 2.0;
 
 /// The length of a bone, from the frames that see both ends.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -34,14 +28,14 @@ impl RunningLength {
         if !(variance.is_finite() && length > 0.0) {
             return;
         }
-        self.count = (self.count + 1.0).min(MOST);
+        self.count += 1.0;
         if self.count == 1.0 {
             (self.mean, self.square, self.noise) = (length, variance, variance);
             return;
         }
         let share = 1.0 / self.count;
         let off = length - self.mean;
-        let most = REACH * self.square.max(self.noise).sqrt();
+        let most = (LARGEST * self.square.max(self.noise)).sqrt();
         self.mean += share * off.clamp(-most, most);
         self.square += share * ((off * off).min(most * most) - self.square);
         self.noise += share * (variance - self.noise);
@@ -50,8 +44,8 @@ impl RunningLength {
     /// `None` before enough frames have shown it.
     pub(super) fn length(&self) -> Option<Length> {
         let own = (self.square - self.noise).max(0.0).sqrt();
-        let sigma = own.max(LEAST_SPREAD).max(LEAST_SHARE * self.mean);
-        (self.count >= LEAST).then_some(Length { mean: self.mean, sigma })
+        let sigma = own.max(LEAST_SPREAD);
+        (self.count >= LEAST as f64).then_some(Length { mean: self.mean, sigma })
     }
 }
 

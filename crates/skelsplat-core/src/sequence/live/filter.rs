@@ -15,21 +15,20 @@ use std::collections::VecDeque;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::matrix3::{inverse, product, symmetrised, times};
+use crate::sequence::learn::LEAST;
 use crate::sequence::process_noise::{
-    LEAST_WHITE, SHARE, SPAN, USUAL_PROCESS_NOISE, bounded, density,
+    SHARE, SPAN, USUAL_PROCESS_NOISE, bounded, density, of_span, white_part,
 };
-use crate::sequence::windows::frames_in;
+use crate::sequence::times::{OVERLAP, frames_in};
 
-/// Standard deviation of an unknown velocity, mm/s per axis.
-const ANY_SPEED: f64 = 1500.0;
-/// Time over which second differences are averaged, s.
-const LEARNING: f64 = 2.0;
-/// The largest of them, in multiples of the mean.
-const LARGEST: f64 = 6.0;
+/// Standard deviation of an unknown velocity, mm/s per axis, and the speed of somebody unseen.
+pub(crate) const ANY_SPEED: f64 = 2000.0;
+/// The largest square of a deviation that counts, in multiples of the mean.
+pub(super) const LARGEST: f64 = 6.0;
 /// Longest span, frames.
 const LONGEST: usize = 128;
 /// Frames of usual motion that a joint starts with.
-const USUAL_FRAMES: f64 = 12.0;
+const USUAL_FRAMES: f64 = LEAST as f64;
 
 /// Position and velocity of a joint, mm and mm/s.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -102,12 +101,11 @@ impl MotionStatistics {
         }
         if self.squares.is_empty() {
             self.variance = variance;
-            let usual =
-                |h| 2.0 / 3.0 * USUAL_PROCESS_NOISE * (h as f64 / fps).powi(3) + 6.0 * variance;
+            let usual = |h| of_span(h, USUAL_PROCESS_NOISE, variance, fps);
             self.squares = spans(longest).map(usual).collect();
             self.count = USUAL_FRAMES;
         }
-        self.count = (self.count + 1.0).min(LEARNING * fps).max(USUAL_FRAMES);
+        self.count = (self.count + 1.0).min(OVERLAP * fps).max(USUAL_FRAMES);
         let share = 1.0 / self.count;
         self.variance += share * (variance - self.variance);
         for (mean, h) in self.squares.iter_mut().zip(spans(longest)) {
@@ -124,7 +122,7 @@ impl MotionStatistics {
     /// The spectral density q of its acceleration, mm²/s³.
     pub fn process_noise(&self, fps: f64) -> f64 {
         let Some(first) = self.squares.first() else { return USUAL_PROCESS_NOISE };
-        let white = (first / 6.0).clamp(LEAST_WHITE * self.variance, self.variance);
+        let white = white_part(*first, self.variance);
         let spans = spans(longest(fps)).zip(&self.squares);
         let q = density(spans.map(|(h, square)| (h, *square)), white, fps);
         bounded(SHARE * q, white, self.variance, fps)

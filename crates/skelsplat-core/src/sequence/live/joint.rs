@@ -5,30 +5,22 @@ use nalgebra::{Matrix3, Vector3};
 use super::bone::Tie;
 use super::filter::{KalmanState, MotionStatistics};
 use crate::annealed::consensus::REJECTED;
+use crate::annealed::depth::DISTINCT;
 use crate::annealed::posterior::INFERRED;
 use crate::annealed::rays::{Ray, there};
-use crate::matrix3::{inverse, product, symmetrised, times};
+use crate::matrix3::{inverse, symmetrised, times};
 use crate::outcome::JointStatus;
 use crate::sequence::lasting::Memory;
 use crate::sequence::outcome::Answer;
-use crate::sequence::posterior::AROUND;
+use crate::sequence::solver::UNSURE_REACH;
+use crate::sequence::times::{AROUND, INDEPENDENT};
 
-/// δ² beyond which a position contradicts the prediction: five standard deviations.
-const GATE: f64 = 25.0;
-/// Reach of the kernel of the prediction, in standard deviations.
-const REACH: f64 = 3.0;
 /// Frames for which the state before a jump is kept.
 const ASIDE: f64 = 3.0;
-/// Longest time over which a joint is bridged, s.
-const BRIDGE: f64 = 0.5;
 /// Steps for a joint with rays weighted by their distance from it.
 pub(super) const STEPS: usize = 4;
 /// Steps for one that its views determine.
 const FEW_STEPS: usize = 2;
-/// Time over which the weights of a view's detections of a joint are averaged, s.
-const TRUST: f64 = 0.4;
-/// Least weight of all rays by which an error bar grows.
-const LEAST_WEIGHT: f64 = 0.25;
 
 /// What is known of a joint between frames.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -139,7 +131,7 @@ impl LiveJoint {
         if answer.status != JointStatus::Unobserved && self.unseen == 0.0 {
             self.last = answer.at;
         }
-        let share = (1.0 / (TRUST * seen.fps)).min(1.0);
+        let share = (1.0 / (INDEPENDENT * seen.fps)).min(1.0);
         for (ray, trust) in seen.rays.iter().zip(&mut self.trust) {
             if ray.is_there() && answer.at.x.is_finite() {
                 *trust += share * (ray.offset(&answer.at).weight(seen.sigma) - *trust);
@@ -158,7 +150,7 @@ impl LiveJoint {
     /// The state that a position continues, `None` after a jump.
     fn gate(&mut self, state: Option<KalmanState>, alone: &Answer) -> Option<KalmanState> {
         let kept = self.aside.take();
-        let fits = |state: &KalmanState| self.distance(state, alone) <= GATE;
+        let fits = |state: &KalmanState| self.distance(state, alone) <= DISTINCT;
         let (state, aside) = match (state, kept) {
             (Some(state), aside) if fits(&state) => (Some(state), aside),
             (_, Some(aside)) if fits(&aside) => (Some(aside), None),
@@ -185,15 +177,14 @@ impl LiveJoint {
             self.state = Some(KalmanState::new(alone.at, alone.covariance));
             return *alone;
         };
-        state.position *= 1.0 + self.distance(&state, alone) / (REACH * REACH);
+        state.position *= 1.0 + self.distance(&state, alone) / (UNSURE_REACH * UNSURE_REACH);
         let (at, spread) = seen.settled(&state, alone.at, FEW_STEPS, |at, information, pull| {
             *information += of_frame;
             *pull += times(&of_frame, &(alone.at - at));
         });
         state.update(at, spread);
-        let frames = 3.0 / product(&spread, &of_frame).trace().clamp(1e-3, 3.0);
         let memory = seen.memory;
-        let covariance = spread * ((1.0 - memory.constant) * memory.frames(frames))
+        let covariance = spread * memory.widens(&spread, &of_frame)
             + inverse(&self.information) * memory.constant;
         let excess = covariance - spread;
         self.excess = if excess.cholesky().is_some() { excess } else { Matrix3::zeros() };
@@ -219,10 +210,10 @@ impl LiveJoint {
         }
         state.update(at, spread);
         self.unseen = if agreeing > 0 { 0.0 } else { self.unseen + 1.0 / seen.fps };
-        if self.unseen > BRIDGE {
+        if self.unseen > AROUND {
             return seen.alone;
         }
-        let rejected = n / f64::max(weight, LEAST_WEIGHT);
+        let rejected = n / f64::max(weight, REJECTED);
         let away = Matrix3::from_diagonal_element(self.motion.leaves(self.unseen * seen.fps));
         let covariance = (spread + self.excess) * f64::max(rejected, 1.0) + away;
         let widest = covariance.symmetric_eigenvalues().max().sqrt();

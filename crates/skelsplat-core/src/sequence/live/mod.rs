@@ -37,7 +37,6 @@ use super::lasting::Memory;
 use super::learn::Learnt;
 use super::noise::{DetectionNoise, Kernel};
 use super::outcome::{Answer, SolvedJoint, together};
-use super::posterior::AROUND;
 use super::process_noise::ProcessNoise;
 use super::recording::check;
 use super::size::{USUAL_SPREAD, body_size};
@@ -50,6 +49,7 @@ use crate::detections::Detections;
 use crate::error::{Error, Result};
 use crate::outcome::JointStatus;
 use crate::refine::{Frame, Refinement, Refiner};
+use crate::sequence::times::AROUND;
 
 /// The state of all joints between frames.
 #[derive(Debug, Clone)]

@@ -13,12 +13,10 @@ use crate::sequence::noise::Kernel;
 use crate::sequence::outcome::{Answer, SolvedJoint, SolvedWindow, together};
 use crate::sequence::posterior::posterior;
 use crate::sequence::solver::{Schedule, WindowSolver};
-use crate::sequence::tracks::{BRIDGE, Tracks};
-use crate::sequence::windows::frames_in;
+use crate::sequence::times::{BRIDGE, frames_in};
+use crate::sequence::tracks::Tracks;
 
-/// Time before the answered frame that is solved along, s.
-const BEFORE: f64 = 1.0;
-/// Most frames that this may be.
+/// Most frames before the answered one that are solved along: those over which joints are bridged.
 const MOST_BEFORE: usize = 120;
 /// Every frame starts where the frame before left it.
 const SETTLE: &Schedule = &[(1.0, 3)];
@@ -45,7 +43,7 @@ struct Rest {
 
 impl LagWindow {
     pub(super) fn new(lag: usize, fps: f64) -> Self {
-        let longest = lag.saturating_add(frames_in(BEFORE, fps).min(MOST_BEFORE) + 1);
+        let longest = lag.saturating_add(frames_in(BRIDGE, fps).min(MOST_BEFORE) + 1);
         Self { lag, longest, alone: Vec::new(), rest: Vec::new() }
     }
 
