@@ -15,9 +15,9 @@ from reference.arrays import Array, Mask
 from reference.rays import Rays, information, offsets, weights
 from reference.symmetry import Pairs
 
-PRIOR_PX, PRIOR_FREEDOM = 3.0, 5.0
+PRIOR_PX, PRIOR_FREEDOM = 3.0, 6.0
 SYMMETRY_REACH = 3.0
-RESIDUAL_SHARE = 0.87
+RESIDUAL_SHARE, SHARED_FREEDOM = 0.87, 5.0
 BODY, LEAST_JOINTS = 2.0, 3
 LEAST_SPREAD = 2.0
 
@@ -137,8 +137,8 @@ def posterior(problem: Problem, solution: Solution, body: Mask, share: float) ->
     squares, support = residuals(np.nan_to_num(x), rays, solution.sigma)
     variance = (
         share
-        * (PRIOR_FREEDOM * solution.variance + squares)
-        / (PRIOR_FREEDOM + np.maximum(2 * support - 3, 0))
+        * (SHARED_FREEDOM * solution.variance + squares)
+        / (SHARED_FREEDOM + np.maximum(2 * support - 3, 0))
     )
     blocks = information(weights(np.nan_to_num(x), rays, solution.sigma), rays) / variance[:, None, None]
     along = np.where(rays.weight > 0, np.abs(offsets(np.nan_to_num(x), rays)[1]), np.inf).min(axis=0)

@@ -17,7 +17,7 @@ SCALES = np.array([1.0, 0.5, 0.25])
 LEAST_REACH, ASTRAY = 2.5, 0.1
 BONE_REACH = 6.0
 EXPONENTS, USUAL = np.array([1.0, 0.5, 0.0]), np.log(2)
-PRIOR_DOF = 5.0
+PRIOR_DOF = 6.0
 
 
 def over_infinity(x: Array, rays: Rays, w: Array) -> Array:

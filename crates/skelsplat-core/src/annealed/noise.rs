@@ -31,9 +31,8 @@ pub(super) struct Scale {
     pub(super) refuted: bool,
 }
 
-/// Weight of the prior of a frame's noise, and of the frame's for one joint, in residuals
-/// (measured, docs/decisions.md): fewer are no estimate.
-pub(super) const PRIOR_DOF: f64 = 5.0;
+/// Weight of the prior, in residuals: fewer are no estimate.
+pub(super) const PRIOR_DOF: f64 = 6.0;
 /// The shrinkage by the kernel is corrected up to this factor of the variance.
 const MOST_UNSHRUNK: f64 = 4.0;
 

@@ -13,7 +13,6 @@ use nalgebra::{Matrix3, Vector3};
 use super::couplings::{of_bone, of_pair};
 use super::depth::is_fixed;
 use super::equations::covariances;
-use super::noise::PRIOR_DOF;
 use super::places::PlaceSearch;
 use super::problem::Solution;
 use super::rays::{Ray, Rays};
@@ -23,6 +22,8 @@ use crate::matrix3::{Symmetric, symmetrised};
 use crate::outcome::{ErrorBars, JointStatus};
 use crate::symmetry::LimbPair;
 
+/// Weight of the frame's noise for one joint, in degrees of freedom (measured, docs/decisions.md).
+const SHARED_DOF: f64 = 5.0;
 /// Least sum of the weights of views that locate a joint, two of them: before it, the length of its
 /// limb is not used for it, and it does not show the noise.
 pub(crate) const PLACED: f64 = 1.5;
@@ -117,8 +118,8 @@ fn posterior(of: &Explanation<'_>, body: Option<BodyExtent>, k: &[f64]) -> Vec<M
     let body = body.filter(|body| body.square_spread > least * least);
     let block = |(j, x): (usize, &Vector3<f64>)| {
         let residuals = &solution.residuals[j];
-        let variance = of.noise_share * (PRIOR_DOF * solution.variance + residuals.squares)
-            / (PRIOR_DOF + residuals.freedom);
+        let variance = of.noise_share * (SHARED_DOF * solution.variance + residuals.squares)
+            / (SHARED_DOF + residuals.freedom);
         let (mut outer, mut weight, mut nearest) = (Symmetric::default(), 0.0, f64::INFINITY);
         let of_joint = rays.of_joint(j);
         let weights = &k[j * of_joint.len()..];
