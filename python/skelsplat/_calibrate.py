@@ -196,8 +196,8 @@ def calibrate_cameras(
     distance : (camera, camera, float), optional
         Of two cameras by name or number, in metres.
     same_focal : bool
-        Whether unknown lenses are known to be of one make, zoom and image size: focal lengths differ by
-        some 0.2 %. Otherwise it is assumed as far as the detections show it.
+        Whether the unknown lenses are of one make, zoom and image size: focal lengths then differ by some
+        0.2 %. Without it, this is assumed as far as the detections show it.
     clock : bool
         Look for clocks that differ by up to 10 s, and to parts of a frame; needs ``fps``. Otherwise clocks
         are equal, unless they are clearly not, by half a frame to some frames.
