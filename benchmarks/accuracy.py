@@ -1,6 +1,6 @@
 """Compare the accuracy of the solver with baselines; every subcommand prints one table.
 
-python benchmarks/accuracy.py table [--poses 300] [--seed 0] [--fast]
+Run ``python benchmarks/accuracy.py table [--poses 300] [--seed 0] [--fast]``, or another.
 """
 
 from __future__ import annotations

@@ -67,7 +67,7 @@ ROOM_MM, MEETINGS = 4500.0, ("cross", "handover", "circle", "behind", "leave")
 REAL_CASES = ("known", "focal", "same", "known, clocks")
 CASES = (
     *("known", "known, occluded 2", "known, occluded 3", "known, clocks", "known, useless", "known, knocked"),
-    *("focal", "focal, wide", "same", "focal, occluded 2", "focal, clocks", "focal, useless"),
+    *("focal", "same", *(f"focal, {what}" for what in ("wide", "phones", "occluded 2", "clocks", "useless"))),
 )
 # Real takes: frames of 50 Hz, joints that have a truth, and frames by which cameras are late.
 REAL_FRAMES, REAL_JOINTS = slice(0, 1000, 2), [*range(8), *range(10, 16)]

@@ -97,7 +97,7 @@ pub fn adjust_cameras(
     })
 }
 
-pub(super) fn check(
+fn check(
     cameras: &[Camera],
     Filmed { frames, times }: Filmed<'_>,
     what: &Adjustable,

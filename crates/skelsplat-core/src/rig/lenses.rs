@@ -19,8 +19,8 @@ const OTHER_FOCUS: f64 = 0.01;
 pub const FOCAL_SIGMA: f64 = 0.3;
 /// By how much lenses of one make differ: the four of Human3.6M, 0.2 %.
 pub const ONE_MAKE: f64 = 0.002;
-/// By how much lenses may differ from those of all: any, as main cameras of phones (24 to 28 mm of
-/// small-frame film), as those of one make; each as likely as the others beforehand.
+/// By how much focal lengths differ from their common one: of any lenses, of main cameras of phones
+/// (24 to 28 mm for an image 36 mm wide), of lenses of one make; beforehand equally likely.
 pub const KINDS: [f64; 3] = [FOCAL_SIGMA, 0.05, ONE_MAKE];
 
 /// Focal lengths of one kind: the covariance of m that differ by so much from those of all.

@@ -4,8 +4,8 @@
 //! two views suffice, and since a swap lasts for some frames, a frame's neighbours vote as well.
 //!
 //! Where as many views are swapped as are not, the frames alone may have exchanged the sides in the
-//! wrong half. Then the chain jumps to the other side and back, and the sides are those with which
-//! it goes on as it was.
+//! wrong half. Then the chain jumps and comes back: its sides are those with which it goes on.
+
 use super::solver::Common;
 use super::times::{AROUND, SHORT, around, frames_in};
 use super::tracks::Tracks;
