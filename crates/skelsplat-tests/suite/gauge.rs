@@ -1,10 +1,11 @@
 //! Error bars of a rig as a whole free, against its directions by central differences.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Vector2, Vector3, dmatrix, dvector};
-use skelsplat_core::study::rig::bundle::{Bundle, Lenses};
+use skelsplat_core::study::rig::bundle::Bundle;
 use skelsplat_core::study::rig::gauge::{Sureness, Zooms};
-use skelsplat_core::study::rig::lenses::{FOCAL_SIGMA, KINDS, LensPosterior};
+use skelsplat_core::study::rig::lenses::{FOCAL_SIGMA, KINDS, LensPosterior, ONE_MAKE, alike};
 use skelsplat_core::study::rig::placed::{PARAMETERS, Sight, Step};
+use skelsplat_core::study::rig::prior::CALIBRATED;
 use skelsplat_core::study::rig::scene::Scene;
 use skelsplat_core::study::rig::search::Explanation;
 use skelsplat_core::study::rig::{Bars, Change, Freedom, Placed};
@@ -162,7 +163,7 @@ fn joints_are_off_by_what_their_cameras_are_off() {
         given: &cameras,
         cameras: cameras.clone(),
         freedom: vec![Freedom::default(); VIEWS],
-        lenses: Lenses::CALIBRATED,
+        lenses: &CALIBRATED,
         points: body.clone(),
         fixed: false,
         offsets: None,
@@ -201,7 +202,7 @@ fn error_bars_of_unknown_lenses_are_those_of_all_kinds() {
         let zooms = |by| Zooms { estimate: estimate.clone(), covariance: covariance.clone(), by };
         let found = LensPosterior::of_kinds(zooms(DMatrix::identity(2, 2))).unwrap();
         let mut moments = [0.0; 3].map(|_| (0.0, DVector::zeros(2), DMatrix::zeros(2, 2)));
-        for (apart, moments) in KINDS.into_iter().zip(&mut moments) {
+        for (apart, moments) in KINDS.into_iter().chain([ONE_MAKE]).zip(&mut moments) {
             let prior = DMatrix::from_fn(2, 2, |i, j| {
                 FOCAL_SIGMA.powi(2) - if i == j { 0.0 } else { apart.powi(2) }
             });
@@ -230,4 +231,20 @@ fn error_bars_of_unknown_lenses_are_those_of_all_kinds() {
             found.besides()
         );
     }
+}
+
+#[test]
+fn cameras_of_two_makes_are_told() {
+    let errors = [0.004, -0.007, 0.011, -0.012, 0.002, 0.009, -0.003];
+    let two = [0, 1, 0, 0, 1, 0, 1];
+    let of_makes = |apart: f64| DVector::from_fn(7, |i, _| apart * two[i] as f64 + errors[i]);
+    let found = |estimate: DVector<f64>| {
+        let (covariance, by) =
+            (DMatrix::from_diagonal_element(7, 7, 1e-4), DMatrix::identity(7, 7));
+        LensPosterior::of_kinds(Zooms { estimate, covariance, by }).unwrap()
+    };
+    let same = |a: &DMatrix<f64>, b: &DMatrix<f64>| (a - b).amax() < 1e-12;
+    let apart = found(of_makes(0.25));
+    assert!(KINDS.iter().any(|kind| same(apart.prior(), &alike(&two, *kind))));
+    assert!(same(found(of_makes(0.0)).prior(), &alike(&[0; 7], FOCAL_SIGMA)));
 }

@@ -1,17 +1,19 @@
 //! The cameras of a recording set right.
 
+mod changes;
+
 use nalgebra::Vector3;
 
-use super::bundle::{Lenses, unknowns};
-use super::calibrate::knocked::moved_camera;
+use self::changes::Changes;
+use super::bundle::unknowns;
 use super::calibrate::{Filmed, check_filmed};
 use super::evidence::{Bars, bars, is_worse, total, wald};
 use super::placed::{Change, Freedom, Placed, rebuilt};
+use super::prior::CALIBRATED;
 use super::reduced::Reduced;
 use super::report::{CameraAdjustment, CameraStatus, RigAdjustment};
 use super::scene::{JointMotion, Scene, spread};
 use super::search::{CONFIRMED_WALD, Explanation, Fault, Scope, SearchResult, Supposed, both};
-use super::unsteady::ClockChange;
 use crate::batch::Progress;
 use crate::camera::{Camera, Distortion};
 use crate::detections::Detections;
@@ -120,16 +122,6 @@ fn check(
     }
 }
 
-/// A camera that is another from a time on.
-struct Changes {
-    view: usize,
-    since: usize,
-    status: CameraStatus,
-    change: Change,
-    /// Of the change, if known.
-    bars: Option<Bars>,
-}
-
 struct Task<'a> {
     scene: Scene<'a>,
     filmed: Filmed<'a>,
@@ -143,7 +135,7 @@ impl Task<'_> {
     fn scope<'a>(&'a self, frames: &'a [usize]) -> Scope<'a> {
         let Adjustable { focal, clock, .. } = *self.what;
         let (scene, all, given, lenses) =
-            (self.scene, self.fitted.as_slice(), self.given, Lenses::CALIBRATED);
+            (self.scene, self.fitted.as_slice(), self.given, &CALIBRATED);
         Scope { scene, frames, all, given, focal, clock, lenses }
     }
 
@@ -189,57 +181,6 @@ impl Task<'_> {
             self.doubt(&mut found, &unsure, &bars);
         }
         Ok((found, bars))
-    }
-
-    /// The camera whose clock changes while it records.
-    fn unsteady(&self, found: &SearchResult) -> Option<Changes> {
-        let mut some = spread(&self.fitted, JUDGED);
-        some.sort_by_key(|t| self.filmed.times[*t]);
-        let ClockChange { view, since, by, .. } =
-            self.scope(&some).clock_change(&found.rig.cameras)?;
-        let given = &self.given[view];
-        let change = Change { clock: by, ..Change::between(given, given) };
-        let (since, status) = (self.filmed.times[since], CameraStatus::Unsteady);
-        Some(Changes { view, since, status, change, bars: None })
-    }
-
-    /// The camera that was moved while it recorded, and where it is in the part of the recording in
-    /// which it is not as given.
-    fn knocked(&self, found: &SearchResult, progress: &Progress) -> Result<Option<Changes>> {
-        let m = self.given.len();
-        let views: Vec<usize> = (0..m).filter(|i| !self.is_unseen(*i)).collect();
-        if views.len() < 3 || self.what.free.is_some() {
-            return Ok(None);
-        }
-        let rig = &found.rig.cameras;
-        let Some((view, since)) = moved_camera(rig, self.filmed, &views, progress)? else {
-            return Ok(None);
-        };
-        let (before, after): (Vec<usize>, Vec<usize>) =
-            self.fitted.iter().partition(|t| self.filmed.times[**t] < since);
-        let mut cameras = rig.clone();
-        cameras[view] = self.given[view].clone();
-        let placed = |frames: Vec<usize>| {
-            let some = spread(&frames, SEARCHED);
-            let scope = self.scope(&some);
-            let sigma = scope.sigma(&cameras);
-            let still = scope.explain(cameras.clone(), vec![Freedom::default(); m], sigma, 1.0);
-            scope.suppose(&still, view, Fault::Place, sigma)
-        };
-        let parts = [before, after].into_iter().filter_map(placed);
-        let elsewhere = parts.max_by(|a: &Supposed, b| a.odds.total_cmp(&b.odds));
-        let changes = |Supposed { rig, bars, .. }| {
-            let change = Change::between(&self.given[view], &rig.cameras[view]);
-            Changes { view, since, status: CameraStatus::Knocked, change, bars: Some(bars) }
-        };
-        Ok(elsewhere.map(changes))
-    }
-
-    /// Leaves a camera as given.
-    fn put_back(&self, found: &mut SearchResult, view: usize) {
-        found.rig.cameras[view] = self.given[view].clone();
-        found.rig.freedom[view] = Freedom::default();
-        found.rivals.retain(|rival| rival.view != view);
     }
 
     /// Whether every change is confirmed on all frames, and its camera fits frames that were left
@@ -486,7 +427,7 @@ pub fn equations(
     let free = Freedom { focal: true, clock: true, ..Freedom::PLACE };
     let freedom = vec![free; cameras.len()];
     let (scene, frames, all) = (scene.moving(&motion), times.as_slice(), times.as_slice());
-    let lenses = Lenses::CALIBRATED;
+    let lenses = &CALIBRATED;
     let scope = Scope { scene, frames, all, given: cameras, focal: true, clock: true, lenses };
     let bundle = scope.bundle(cameras.to_vec(), freedom, points);
     Ok(Reduced::sum(&bundle.clusters(sigma)))

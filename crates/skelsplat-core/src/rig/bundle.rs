@@ -18,7 +18,8 @@ use nalgebra::{DMatrix, DVector, Matrix3, RowVector3, SMatrix, Vector2, Vector3}
 use rayon::prelude::*;
 
 use super::bias::{Follow, LastingErrors};
-use super::placed::{Change, Freedom, PARAMETERS, Placed, RADIAL, Residual, Step, ZOOM};
+use super::placed::{Change, Freedom, PARAMETERS, Placed, Residual, Step};
+use super::prior::Lenses;
 use super::reduced::{Judged, Reduced, jackknife, lasting, summed};
 use super::scene::Scene;
 use crate::error::Result;
@@ -42,29 +43,6 @@ const LEAST_CURVED: f64 = 0.1;
 /// Converged when no camera turns, rad, moves, relative to its distance, or changes otherwise by
 /// more.
 const STILL: f64 = 3e-6;
-/// Standard deviation of the prior of a turn, rad.
-const PRIOR_TURN: f64 = 0.35;
-/// That of a shift, relative to the distance of the joints.
-const PRIOR_SHIFT: f64 = 0.25;
-/// That of a clock, frames.
-const PRIOR_CLOCK: f64 = 30.0;
-/// That of k₁: lenses of 60 to 90° have −0.3 to 0.1.
-const PRIOR_RADIAL: f64 = 0.15;
-
-/// What is known of focal lengths beforehand.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Lenses {
-    /// Standard deviation of the logarithm of a focal length,
-    pub sigma: f64,
-    /// and of what it differs by from those of all: less if cameras are of one kind.
-    pub apart: f64,
-}
-
-impl Lenses {
-    /// Of cameras with a calibration.
-    pub const CALIBRATED: Self = Self { sigma: 0.1, apart: 0.1 };
-}
-
 /// Cameras and joints that are adjusted together.
 #[derive(Debug, Clone)]
 pub struct Bundle<'a> {
@@ -79,7 +57,7 @@ pub struct Bundle<'a> {
     /// What of each may change.
     pub freedom: Vec<Freedom>,
     /// What is known of their focal lengths.
-    pub lenses: Lenses,
+    pub lenses: &'a Lenses,
     /// Joints (frames, N), mm; NaN where unknown.
     pub points: Vec<Vector3<f64>>,
     /// Whether the joints are left where they are.
@@ -196,39 +174,6 @@ impl Bundle<'_> {
         let known = || self.points.iter().filter(|x| x.x.is_finite());
         let middle = known().sum::<Vector3<f64>>() / known().count().max(1) as f64;
         self.given.iter().map(|placed| (placed.camera.centre() - middle).norm().max(1.0)).collect()
-    }
-
-    /// Precision of the prior of all unknowns.
-    ///
-    /// Lenses differ by r σ from those of all n cameras, σ²((1 − r²) 1 1ᵀ + r² I), which has the
-    /// inverse (I − (1 − r²)/(r² + n (1 − r²)) 1 1ᵀ)/r²σ².
-    fn prior(&self, sigma: f64, reach: &[f64]) -> DMatrix<f64> {
-        let free = unknowns(&self.freedom);
-        let noise = sigma / PER_NOISE;
-        let even = |(i, k): &(usize, usize)| (noise / self.prior_sigma(*k, reach[*i])).powi(2);
-        let mut prior =
-            DMatrix::from_diagonal(&DVector::from_iterator(free.len(), free.iter().map(even)));
-        let apart = (self.lenses.apart / self.lenses.sigma).powi(2);
-        for lens in [ZOOM, RADIAL] {
-            let own: Vec<usize> = (0..free.len()).filter(|q| free[*q].1 == lens).collect();
-            let common = (1.0 - apart) / (apart + own.len() as f64 * (1.0 - apart));
-            for (a, b) in own.iter().flat_map(|a| own.iter().map(move |b| (*a, *b))) {
-                let each = f64::from(u8::from(a == b));
-                prior[(a, b)] = (each - common) * even(&free[a]) / apart;
-            }
-        }
-        prior
-    }
-
-    /// Standard deviation of the prior of a parameter of a camera at this distance.
-    pub(super) fn prior_sigma(&self, k: usize, reach: f64) -> f64 {
-        match k {
-            0..3 => PRIOR_TURN,
-            3..6 => PRIOR_SHIFT * reach,
-            ZOOM => self.lenses.sigma,
-            RADIAL => PRIOR_RADIAL,
-            _ => PRIOR_CLOCK,
-        }
     }
 
     /// The equations of every cluster: a joint, or where there are few joints a joint in a part of

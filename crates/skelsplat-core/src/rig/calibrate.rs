@@ -1,42 +1,36 @@
 //! Cameras from the people who are filmed: a first guess of a rig is adjusted with all cameras
 //! free, by the bundle of [`super::bundle`] from wide kernels to narrow ones.
 
+mod fit;
 pub(super) mod knocked;
+mod stature;
 
-use nalgebra::{DVector, Vector3};
+use nalgebra::DVector;
 
-use super::bundle::{Lenses, PER_NOISE};
+use self::fit::Fit;
+use self::stature::stature_of;
+use super::bundle::PER_NOISE;
 use super::evidence::Bars;
 use super::gauge::{Sureness, Zooms};
-use super::lenses::{FOCAL_SIGMA, LensPosterior, ONE_MAKE};
+use super::lenses::{FOCAL_SIGMA, LensPosterior, alike};
 use super::placed::{Freedom, Placed, rebuilt};
+use super::prior::Lenses;
 use super::scene::{JointMotion, Scene, spread};
-use super::search::{Explanation, LEAST, Scope};
+use super::search::{Explanation, Scope};
 use crate::batch::Progress;
-use crate::bones::expected::{Shown, stature};
-use crate::bones::population::{Proportion, STATURE, proportions};
 use crate::camera::{Camera, Distortion};
 use crate::detections::Detections;
 use crate::error::{Error, Result};
 use crate::layout::Layout;
 use crate::refine::RefineConfig;
-use crate::statistics::median;
 use crate::threads;
 
-/// Frames by which the rig is judged.
-const COMPARED: usize = 150;
 /// Most frames on which the rig is adjusted at first.
 const FEW: usize = 80;
 /// Most frames on which it is adjusted in the end.
 const MANY: usize = 300;
 /// The first kernels are so many times wider.
 const WIDER: f64 = 8.0;
-/// A camera belongs to the rig if the others explain this part of its detections.
-const EXPLAINED: f64 = 0.5;
-/// And if their distance from the joints is at most this multiple of the others'.
-const ALIKE: f64 = 2.0;
-/// Distances explained by noise, in multiples of it.
-const WITHIN: f64 = 4.0;
 /// What all detections of a view are off by, in multiples of the noise: no recording tells it from
 /// a turn of the camera. Hourglass detections on Human3.6M: 0.14 between views, 0.3 with what all
 /// views share.
@@ -136,14 +130,16 @@ pub fn calibrate_cameras(
         };
         let start: Vec<Option<Placed>> = given.iter().zip(clocks).map(placed).collect();
         let distorted = config.undistort;
-        let apart = if unknown.same_focal { ONE_MAKE } else { FOCAL_SIGMA };
+        let makes = |i: usize| if unknown.same_focal { 0 } else { i };
+        let makes: Vec<usize> = (0..cameras.len()).map(makes).collect();
+        let lenses = Lenses::unknown(&alike(&makes, FOCAL_SIGMA));
         let task = Task {
             given: &given,
             frames: &used,
             times,
             part: None,
             unknown,
-            lenses: Lenses { sigma: FOCAL_SIGMA, apart },
+            lenses: &lenses,
             distorted,
         };
         task.solve(&start, layout, progress)
@@ -160,51 +156,6 @@ pub(super) fn check_filmed(frames: &[Detections], times: &[usize], views: usize)
         return Err(Error::invalid("detections", expected, format!("{} views", frame.n_views())));
     }
     Ok(())
-}
-
-/// How well a rig fits.
-struct Fit {
-    frames: Vec<usize>,
-    points: Vec<Vector3<f64>>,
-    /// Noise of a detection, mm.
-    noise: f64,
-    of_cameras: Vec<CameraFit>,
-}
-
-/// How well a camera's detections fit the joints.
-#[derive(Clone, Copy)]
-struct CameraFit {
-    /// Their median distance, px.
-    distance: f64,
-    /// The same at the joints, mm.
-    at_joints: f64,
-    /// The part of them within [`WITHIN`] times the noise.
-    explained: f64,
-}
-
-impl Fit {
-    /// Distance of each camera from the joints.
-    fn reach(&self, cameras: &[Placed]) -> Vec<f64> {
-        let known: Vec<_> = self.points.iter().filter(|x| x.x.is_finite()).collect();
-        let middle = known.iter().copied().sum::<Vector3<f64>>() / known.len() as f64;
-        cameras.iter().map(|placed| (placed.camera.centre() - middle).norm()).collect()
-    }
-
-    /// The camera that contradicts the others most, if one does.
-    fn worst(&self) -> Option<usize> {
-        let all = || self.of_cameras.iter().enumerate();
-        let against = |i: usize| {
-            let others = all().filter(|(k, _)| *k != i).map(|(_, fit)| fit.at_joints);
-            self.of_cameras[i].at_joints / median(others)
-        };
-        let (least, fit) = all().min_by(|a, b| a.1.explained.total_cmp(&b.1.explained))?;
-        let farthest =
-            (0..self.of_cameras.len()).max_by(|a, b| against(*a).total_cmp(&against(*b)));
-        match fit.explained < EXPLAINED {
-            true => Some(least),
-            false => farthest.filter(|i| against(*i) > ALIKE),
-        }
-    }
 }
 
 /// A part of a recording.
@@ -231,7 +182,7 @@ struct Task<'a> {
     /// Frames before a time, or from it on; `None`: all.
     part: Option<Part>,
     unknown: Unknown,
-    lenses: Lenses,
+    lenses: &'a Lenses,
     /// Whether pixels are as lenses distort them.
     distorted: bool,
 }
@@ -268,7 +219,8 @@ impl Task<'_> {
         let Unknown { focal, same_focal, .. } = self.unknown;
         let kinds = (focal && !same_focal).then(|| task.zooms(&views, &rough)).flatten();
         let kinds = kinds.and_then(LensPosterior::of_kinds);
-        kinds.iter().for_each(|kinds| task.lenses.apart = kinds.apart());
+        let lenses = kinds.as_ref().map(|kinds| Lenses::unknown(kinds.prior()));
+        let task = Task { lenses: lenses.as_ref().unwrap_or(task.lenses), ..task };
         let rig = task.adjusted(&views, rough.cameras, MANY, 1.0, progress)?;
         let lenses = match kinds {
             None => task.other_lenses(&views, &rig, progress)?,
@@ -300,8 +252,9 @@ impl Task<'_> {
             return Ok(None);
         }
         let unknown = Unknown { focal: true, ..self.unknown };
-        let lenses = Lenses { sigma: FOCAL_SIGMA, apart: FOCAL_SIGMA };
-        let task = Self { unknown, lenses, distorted: false, ..*self };
+        let each: Vec<usize> = (0..views.len()).collect();
+        let lenses = Lenses::unknown(&alike(&each, FOCAL_SIGMA));
+        let task = Task { unknown, lenses: &lenses, distorted: false, ..*self };
         let free = task.adjusted(views, rig.cameras.clone(), FEW, 1.0, progress)?;
         let judge = if focal { LensPosterior::of_one_make } else { LensPosterior::of_given };
         Ok(task.zooms(views, &free).and_then(judge))
@@ -383,7 +336,12 @@ impl Task<'_> {
         Ok(scope.explain(cameras, freedom, sigma, wider))
     }
 
-    fn scope<'a>(&self, scene: Scene<'a>, frames: &'a [usize], given: &'a [Placed]) -> Scope<'a> {
+    fn scope<'a>(
+        &'a self,
+        scene: Scene<'a>,
+        frames: &'a [usize],
+        given: &'a [Placed],
+    ) -> Scope<'a> {
         let Self { unknown: Unknown { focal, clock, .. }, lenses, .. } = *self;
         Scope { scene, frames, all: frames, given, focal, clock, lenses }
     }
@@ -452,46 +410,4 @@ impl Task<'_> {
         let bundle = scope.bundle(rig.cameras.clone(), still, fit.points.clone());
         known.joints(&bundle.follows(PER_NOISE * fit.noise))
     }
-
-    /// How well a rig fits.
-    fn fit(&self, views: &[usize], cameras: &[Placed]) -> Fit {
-        let seen = self.of_views(views);
-        let chosen = self.shared(&seen, cameras, COMPARED);
-        let scene = Scene::new(&seen);
-        let noise = self.scope(scene, &chosen, cameras).sigma(cameras) / PER_NOISE;
-        let points = scene.points(&chosen, cameras, &vec![true; views.len()]);
-        let of_camera = |(i, camera): (usize, &Placed)| {
-            let off = scene.distances(&chosen, &points, i, camera);
-            let near = off.iter().filter(|(px, mm)| px * mm < WITHIN * noise).count();
-            let explained = if off.len() < LEAST { 0.0 } else { near as f64 / off.len() as f64 };
-            CameraFit {
-                distance: median(off.iter().map(|(px, _)| *px)),
-                at_joints: median(off.iter().map(|(px, mm)| px * mm)),
-                explained,
-            }
-        };
-        let of_cameras = cameras.iter().enumerate().map(of_camera).collect();
-        Fit { frames: chosen, points, noise, of_cameras }
-    }
-}
-
-/// Stature by the population's proportions, and its standard error. Lengths are compared at the
-/// size of people, whatever their scale.
-fn stature_of(points: &[Vector3<f64>], layout: &Layout) -> [f64; 2] {
-    let proportions = proportions(layout);
-    let limb = |pose: &[Vector3<f64>], [a, b]: [usize; 2]| (pose[a] - pose[b]).norm();
-    let length = |p: &Proportion| {
-        let each = points.chunks(layout.n_joints()).map(|pose| limb(pose, p.joints));
-        median(each.filter(|length| length.is_finite()))
-    };
-    let rough = median(
-        proportions.iter().map(|p| length(p) / p.ratio).filter(|stature| stature.is_finite()),
-    );
-    let scale = STATURE[0] / rough;
-    let shown = |proportion: &Proportion| {
-        let length = scale * length(proportion);
-        let shown = Shown { proportion: *proportion, length, variance: 0.0 };
-        length.is_finite().then_some(shown)
-    };
-    stature(proportions.iter().filter_map(shown)).map(|mm| mm / scale)
 }

@@ -2,7 +2,8 @@
 //!
 //! Each is a normal prior of the logarithms z of focal lengths, z ~ N(0, P). A rig with free lenses
 //! finds d with the covariance C; the prior explains it by N(d; 0, P + C), and z would be P (P +
-//! C)⁻¹ d with the covariance P − P (P + C)⁻¹ P.
+//! C)⁻¹ d with the covariance P − P (P + C)⁻¹ P. Unknown lenses of n₁, n₂, … cameras of one make
+//! each are as likely as in a Chinese restaurant process, ∏ (nᵢ − 1)!/m!.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -19,22 +20,42 @@ const OTHER_FOCUS: f64 = 0.01;
 pub const FOCAL_SIGMA: f64 = 0.3;
 /// By how much lenses of one make differ: the four of Human3.6M, 0.2 %.
 pub const ONE_MAKE: f64 = 0.002;
-/// By how much focal lengths differ from their common one: of any lenses, of main cameras of phones
-/// (24 to 28 mm for an image 36 mm wide), of lenses of one make; beforehand equally likely.
-pub const KINDS: [f64; 3] = [FOCAL_SIGMA, 0.05, ONE_MAKE];
+/// By how much those of makes differ from their common one: of any lenses, and of main cameras of
+/// phones (24 to 28 mm for an image 36 mm wide); beforehand equally likely.
+pub const KINDS: [f64; 2] = [FOCAL_SIGMA, 0.05];
 
-/// Focal lengths of one kind: the covariance of m that differ by so much from those of all.
-fn alike(m: usize, apart: f64) -> DMatrix<f64> {
-    let common = FOCAL_SIGMA.powi(2) - apart.powi(2);
-    DMatrix::from_fn(m, m, |i, j| common + if i == j { apart.powi(2) } else { 0.0 })
+/// Covariance of unknown focal lengths of cameras of these makes, which differ by so much.
+pub fn alike(makes: &[usize], apart: f64) -> DMatrix<f64> {
+    let covariance = |i: usize, j: usize| {
+        let make = if makes[i] == makes[j] { apart.powi(2) - ONE_MAKE.powi(2) } else { 0.0 };
+        let own = if i == j { ONE_MAKE.powi(2) } else { 0.0 };
+        FOCAL_SIGMA.powi(2) - apart.powi(2) + make + own
+    };
+    DMatrix::from_fn(makes.len(), makes.len(), covariance)
 }
 
 /// Focal lengths if something is true of them.
 struct Supposed {
     /// Logarithm of its probability, up to a constant.
     evidence: f64,
+    prior: DMatrix<f64>,
     mean: DVector<f64>,
     covariance: DMatrix<f64>,
+}
+
+impl Supposed {
+    /// By its odds and its prior; `None` if nothing can be told.
+    fn of(zooms: &Zooms, odds: f64, prior: DMatrix<f64>) -> Option<Self> {
+        let both = (&prior + &zooms.covariance).cholesky()?;
+        let gain = both.solve(&prior).transpose();
+        let surprise = zooms.estimate.dot(&both.solve(&zooms.estimate));
+        Some(Self {
+            evidence: odds.ln() - 0.5 * (both.ln_determinant() + surprise),
+            mean: &gain * &zooms.estimate,
+            covariance: &prior - &gain * &prior,
+            prior,
+        })
+    }
 }
 
 /// What is known of focal lengths, by what may be true of them.
@@ -49,7 +70,10 @@ impl LensPosterior {
     /// Of lenses that are unknown, and may be of one kind.
     pub fn of_kinds(zooms: Zooms) -> Option<Self> {
         let m = zooms.estimate.len();
-        let all = KINDS.map(|apart| (1.0, alike(m, apart)));
+        let each: Vec<usize> = (0..m).collect();
+        let of_one_make = (1.0, alike(&vec![0; m], FOCAL_SIGMA));
+        let kinds = KINDS.map(|apart| (1.0, alike(&each, apart))).into_iter().chain([of_one_make]);
+        let all: Vec<_> = kinds.chain(of_makes(&zooms)).collect();
         let mut found = Self::of(zooms, all)?;
         found.held = Some(found.likeliest());
         Some(found)
@@ -58,7 +82,7 @@ impl LensPosterior {
     /// Of lenses that are said to be of one make; one may be another.
     pub fn of_one_make(zooms: Zooms) -> Option<Self> {
         let m = zooms.estimate.len();
-        let found = Self::of_wrong(zooms, &alike(m, ONE_MAKE), &lone(m))?;
+        let found = Self::of_wrong(zooms, &alike(&vec![0; m], FOCAL_SIGMA), &lone(m))?;
         Some(Self { held: Some(0), ..found })
     }
 
@@ -87,16 +111,7 @@ impl LensPosterior {
 
     /// Of what may be true, with its odds and its prior; `None` if nothing can be told.
     fn of(zooms: Zooms, all: impl IntoIterator<Item = (f64, DMatrix<f64>)>) -> Option<Self> {
-        let given = |(odds, prior): (f64, DMatrix<f64>)| {
-            let both = (&prior + &zooms.covariance).cholesky()?;
-            let gain = both.solve(&prior).transpose();
-            let surprise = zooms.estimate.dot(&both.solve(&zooms.estimate));
-            Some(Supposed {
-                evidence: odds.ln() - 0.5 * (both.ln_determinant() + surprise),
-                mean: &gain * &zooms.estimate,
-                covariance: &prior - &gain * &prior,
-            })
-        };
+        let given = |(odds, prior)| Supposed::of(&zooms, odds, prior);
         let supposed = all.into_iter().map(given).collect::<Option<Vec<_>>>()?;
         Some(Self { zooms, supposed, held: None })
     }
@@ -107,9 +122,9 @@ impl LensPosterior {
         all.max_by(|a, b| evidence(a).total_cmp(&evidence(b))).unwrap_or(0)
     }
 
-    /// By how much lenses of unknown kind differ from those of all.
-    pub fn apart(&self) -> f64 {
-        KINDS[self.held.unwrap_or(0)]
+    /// The prior of the likeliest, or of those given.
+    pub fn prior(&self) -> &DMatrix<f64> {
+        &self.supposed[self.held.unwrap_or(0)].prior
     }
 
     /// Adds to the errors of a rig what is true instead of what was held.
@@ -148,6 +163,33 @@ impl LensPosterior {
         let off = self.held.map_or(off.clone(), |held| off - &self.supposed[held].mean);
         (0..m).map(|i| if k > m || i == k - 1 { off[i].exp() } else { 1.0 }).collect()
     }
+}
+
+/// Cameras of some makes each, with their odds: those that are likeliest to be of one make are
+/// joined, one pair of makes after the other.
+fn of_makes(zooms: &Zooms) -> Vec<(f64, DMatrix<f64>)> {
+    let mut makes: Vec<usize> = (0..zooms.estimate.len()).collect();
+    let mut out = Vec::new();
+    for _ in 2..makes.len() {
+        let joined = |(a, b): (usize, usize)| {
+            let makes: Vec<usize> = makes.iter().map(|i| if *i == b { a } else { *i }).collect();
+            let evidence = Supposed::of(zooms, odds(&makes), alike(&makes, FOCAL_SIGMA))?.evidence;
+            Some((evidence, makes))
+        };
+        let pairs = (0..makes.len()).flat_map(|a| (a + 1..makes.len()).map(move |b| (a, b)));
+        let pairs = pairs.filter(|(a, b)| makes.contains(a) && makes.contains(b));
+        let Some(best) = pairs.filter_map(joined).max_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+        makes = best.1;
+        let odds = odds(&makes) / KINDS.len() as f64;
+        out.extend(KINDS.map(|apart| (odds, alike(&makes, apart))));
+    }
+    out
+}
+
+/// How likely cameras are of these makes.
+fn odds(makes: &[usize]) -> f64 {
+    let before = |i: usize| makes[..i].iter().filter(|make| **make == makes[i]).count().max(1);
+    (0..makes.len()).map(|i| before(i) as f64 / (i + 1) as f64).product()
 }
 
 /// Each camera alone.

@@ -14,6 +14,7 @@ pub mod evidence;
 pub mod gauge;
 pub mod lenses;
 pub mod placed;
+pub mod prior;
 pub mod reduced;
 pub mod report;
 pub mod scene;

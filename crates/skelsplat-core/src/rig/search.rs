@@ -10,9 +10,10 @@
 
 use nalgebra::Vector3;
 
-use super::bundle::{Bundle, Lenses, PER_NOISE, unknowns};
+use super::bundle::{Bundle, PER_NOISE, unknowns};
 use super::evidence::{Bars, bars, is_worse, odds_changed, total, wald};
 use super::placed::{CLOCK, Change, Freedom, Placed};
+use super::prior::Lenses;
 use super::reduced::Judged;
 use super::scene::Scene;
 use crate::batch::Progress;
@@ -48,7 +49,7 @@ pub struct Scope<'a> {
     /// Whether clocks may be wrong.
     pub clock: bool,
     /// What is known of focal lengths.
-    pub lenses: Lenses,
+    pub lenses: &'a Lenses,
 }
 
 /// What a camera is supposed to have done.

@@ -10,14 +10,16 @@
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::{FEW, Filmed, Fit, Part, Task, Unknown, WIDER};
+use super::fit::Fit;
+use super::{FEW, Filmed, Part, Task, Unknown, WIDER};
 use crate::batch::Progress;
 use crate::camera::Camera;
 use crate::error::Result;
-use crate::rig::bundle::{Lenses, PER_NOISE, unknowns};
+use crate::rig::bundle::{PER_NOISE, unknowns};
 use crate::rig::evidence::{CHANGED, log_odds, turning_point};
 use crate::rig::gauge::moved;
 use crate::rig::placed::{Change, Placed};
+use crate::rig::prior::CALIBRATED;
 use crate::rig::scene::Scene;
 use crate::rig::search::Explanation;
 
@@ -49,7 +51,7 @@ pub(in crate::rig) fn moved_camera(
 ) -> Result<Option<(usize, usize)>> {
     let given: Vec<Camera> = rig.iter().map(|placed| placed.camera.clone()).collect();
     let cameras: Vec<Placed> = views.iter().map(|i| rig[*i].clone()).collect();
-    let (unknown, lenses) = (Unknown::default(), Lenses::CALIBRATED);
+    let (unknown, lenses) = (Unknown::default(), &CALIBRATED);
     let task = Task { given: &given, frames, times, part: None, unknown, lenses, distorted: false };
     task.moved(views, &cameras, progress)
 }
