@@ -10,9 +10,6 @@ use crate::error::{Error, Result};
 /// can be projected very far.
 pub const FARTHEST: f64 = 1e30;
 
-/// A smaller confidence is none: products of a few such numbers would be 0.
-const LEAST_CONFIDENCE: f64 = 1.0 / FARTHEST;
-
 /// Index of the first value outside ±[`FARTHEST`]; NaN is none.
 pub fn too_far(values: &[f64]) -> Option<usize> {
     // No branch per value: refining a frame takes only microseconds.
@@ -74,8 +71,9 @@ impl Detections {
                 confidence[bad].to_string(),
             ));
         }
+        // A smaller confidence is none: products of a few such numbers would be 0.
         let confidence =
-            confidence.into_iter().map(|c| if c < LEAST_CONFIDENCE { 0.0 } else { c }).collect();
+            confidence.into_iter().map(|c| if c < 1.0 / FARTHEST { 0.0 } else { c }).collect();
         Self { n_views, n_joints, points, confidence }.without_corners()
     }
 

@@ -1,4 +1,9 @@
-//! Medians.
+//! Medians and odds.
+
+use std::f64::consts::LN_2;
+
+/// Odds of strong evidence (Jeffreys, Theory of Probability, appendix B).
+pub(crate) const STRONG: f64 = 10.0;
 
 /// The median, of an even number the upper of the two in the middle; NaN of nothing.
 pub(crate) fn median(values: impl IntoIterator<Item = f64>) -> f64 {
@@ -8,6 +13,11 @@ pub(crate) fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     }
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// The variance per axis of normal errors in a plane with this median of their squares.
+pub(crate) fn variance_of(median_square: f64) -> f64 {
+    median_square / (2.0 * LN_2)
 }
 
 /// Sorts by the value of each item and returns the first value up to which half of the weights lie;

@@ -12,9 +12,6 @@ use crate::bones::{Bone, Pull, REACH};
 use crate::matrix3::Symmetric;
 use crate::symmetry::LimbPair;
 
-/// Reach of the kernel of limb pairs, in σ_sym: half of that of bones, as two limbs differ.
-const SYMMETRY_REACH: f64 = 0.5 * REACH;
-
 /// A coupling during a step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Link {
@@ -27,7 +24,8 @@ pub(super) struct Link {
     moves: [Vector3<f64>; 4],
 }
 
-/// The coupling of a pair of limbs at these positions; `None` if they have none or it has faded.
+/// The coupling of a pair of limbs at these positions; `None` if they have none or it has faded:
+/// its kernel reaches half as far as that of bones, as two limbs differ.
 pub(super) fn of_pair(
     pair: &LimbPair,
     sigma: f64,
@@ -40,7 +38,7 @@ pub(super) fn of_pair(
         return None;
     }
     let (residual, el, er) = (ll - lr, left / ll, right / lr);
-    let kept = exp_of_one(-0.5 * (residual / (SYMMETRY_REACH * sigma)).powi(2));
+    let kept = exp_of_one(-0.5 * (residual / (0.5 * REACH * sigma)).powi(2));
     let precision = kept / (sigma * sigma);
     (kept > f64::EPSILON).then_some(Coupling {
         joints: [l1, l2, r1, r2],

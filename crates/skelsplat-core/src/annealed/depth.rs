@@ -21,10 +21,6 @@ use super::rays::Ray;
 /// Five standard deviations, squared. Of a depth: it is known to a fifth of its value, and twice
 /// the usual noise is not mistaken for it.
 pub(crate) const DISTINCT: f64 = 25.0;
-/// The least noise of a detection, px: the residuals of rays that nearly coincide do not show their
-/// noise.
-const USUAL_PX: f64 = NoiseModel::PRIOR_PX;
-
 /// Δχ² of `rays` at `x`, of which ray i counts `k(i)` times; `variance` is that of a detection of
 /// weight 1, px². Σ w |d − u|² = 2 (Σ w − |Σ w d|), since u is a unit vector along Σ w d.
 fn over_infinity(rays: &[Ray], x: &Vector3<f64>, variance: f64, k: impl Fn(usize) -> f64) -> f64 {
@@ -46,13 +42,15 @@ fn over_infinity(rays: &[Ray], x: &Vector3<f64>, variance: f64, k: impl Fn(usize
 /// position.
 pub fn may_be_fixed(rays: &[Ray], x: &Vector3<f64>, sigma: f64) -> bool {
     let k = |ray: &Ray| if sigma.is_finite() { ray.offset(x).weight(sigma) } else { 1.0 };
-    over_infinity(rays, x, USUAL_PX * USUAL_PX, |i| k(&rays[i]) / rays[i].weight) >= DISTINCT
+    over_infinity(rays, x, NoiseModel::PRIOR_PX.powi(2), |i| k(&rays[i]) / rays[i].weight)
+        >= DISTINCT
 }
 
 /// Whether the rays of joint `j`, with weights `k`, determine its depth at the solution, given the
 /// frame's noise.
 pub fn is_fixed(rays: &[Ray], j: usize, solution: &Solution, k: &[f64]) -> bool {
-    let least = USUAL_PX * USUAL_PX * solution.variance / (solution.noise * solution.noise);
+    let least =
+        NoiseModel::PRIOR_PX.powi(2) * solution.variance / (solution.noise * solution.noise);
     let variance = (solution.variance / (solution.pixel * solution.pixel)).max(least);
     over_infinity(rays, &solution.points[j], variance, |i| k[i]) >= DISTINCT
 }
@@ -67,11 +65,11 @@ pub fn determine(
     weight: f64,
     k: impl Fn(usize) -> f64,
 ) -> bool {
-    over_infinity(rays, x, variance.max(USUAL_PX * USUAL_PX * weight), k) >= DISTINCT
+    over_infinity(rays, x, variance.max(NoiseModel::PRIOR_PX.powi(2) * weight), k) >= DISTINCT
 }
 
 /// Whether two rays are far enough from parallel to determine the depth of their meeting point.
 pub fn have_parallax(a: &Ray, b: &Ray) -> bool {
-    let noise = USUAL_PX * (a.pixel + b.pixel) / 2.0;
+    let noise = NoiseModel::PRIOR_PX * (a.pixel + b.pixel) / 2.0;
     (a.direction - b.direction).norm_squared() >= 2.0 * DISTINCT * noise * noise
 }

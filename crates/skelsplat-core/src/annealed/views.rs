@@ -25,9 +25,6 @@ use super::rays::{Meeting, Ray, Rays};
 
 /// The exponents γ.
 const EXPONENTS: [f64; 3] = [1.0, 0.5, 0.0];
-/// τ: usual differences of the logarithm of the noise's variance from view to view, a doubling as
-/// in recordings.
-const USUAL: f64 = LN_2;
 /// Ratio of mean confidences up to which views are taken at their word.
 const ALIKE: f64 = 1.5;
 
@@ -56,7 +53,8 @@ pub fn factors(rays: &Rays, solution: &Solution) -> Option<Vec<f64>> {
             [weight + w * factor, count + n]
         });
         let prior = weight / count * (NoiseModel::PRIOR_PX * solution.pixel).powi(2);
-        log_likelihood(&agreeing, &factors, prior) - 0.5 * squares * (gamma / USUAL).powi(2)
+        // From view to view the noise's variance usually differs by a doubling, as in recordings.
+        log_likelihood(&agreeing, &factors, prior) - 0.5 * squares * (gamma / LN_2).powi(2)
     };
     let (_, shares) = averaged(EXPONENTS.map(log_p));
     let gamma = EXPONENTS.iter().zip(shares).map(|(gamma, share)| gamma * share).sum();

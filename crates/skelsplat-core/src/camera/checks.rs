@@ -11,8 +11,6 @@ const ORTHONORMAL: f64 = 1e-3;
 /// Largest entry of `RᵀR − I` of a rotation in double precision, which stays as it is, to the bit.
 const EXACT: f64 = 1e-12;
 
-/// Least focal length, pixels: of a camera scaled down to one pixel.
-const SHORTEST: f64 = 1.0 / MOST;
 /// Largest coordinate of the translation, in any unit: a million kilometres in mm.
 const TRANSLATION: f64 = 1e12;
 /// Largest width and height, pixels: the limit of JPEG. The number of pixels then fits in 32 bits.
@@ -32,8 +30,9 @@ pub(super) fn intrinsics(k: &Matrix3<f64>) -> Result<()> {
     if fx <= 0.0 || fy <= 0.0 {
         return Err(Error::invalid("K", "positive focal lengths", format!("fx = {fx}, fy = {fy}")));
     }
-    if [fx, fy].iter().any(|f| !(SHORTEST..=MOST).contains(f)) {
-        let expected = format!("focal lengths from {SHORTEST:e} to {MOST:e} pixels");
+    // The least is that of a camera scaled down to one pixel.
+    if [fx, fy].iter().any(|f| !(1.0 / MOST..=MOST).contains(f)) {
+        let expected = format!("focal lengths from {:e} to {MOST:e} pixels", 1.0 / MOST);
         return Err(Error::invalid("K", expected, format!("fx = {fx:e}, fy = {fy:e}")));
     }
     let (cx, cy) = (k[(0, 2)], k[(1, 2)]);

@@ -12,18 +12,17 @@
 //! of both says nothing, as detectors often see one person twice. Frames of a fraction of a second
 //! tell the same.
 
-use std::f64::consts::{LN_2, LN_10, PI};
+use std::f64::consts::{LN_2, PI};
 
 use super::associate::Associator;
 use super::body::{Body, Claims, apart};
 use super::known::BodyModel;
 use super::tracks::Track;
 use crate::sequence::times::INDEPENDENT;
+use crate::statistics::STRONG;
 
 /// Distance from which nobody is taken for one with another, in kernels: half a metre.
 const REACH: f64 = 5.5;
-/// Log-odds from which two bodies are one: 10 to 1.
-const CERTAIN: f64 = LN_10;
 
 /// Log-odds that two bodies with these figures, so many kernels apart, are one.
 fn one_person(far: f64, a: &Claims, b: &Claims) -> f64 {
@@ -40,7 +39,7 @@ pub(super) fn is_known(
     pose: &[nalgebra::Vector3<f64>],
     own: &Claims,
 ) -> bool {
-    one_person(apart(&body.pose, pose) / known.sigma, claims, own) > CERTAIN
+    one_person(apart(&body.pose, pose) / known.sigma, claims, own) > STRONG.ln()
 }
 
 impl Associator {
@@ -56,12 +55,12 @@ impl Associator {
                     let now =
                         one_person(far, &claims[a], &claims[b]) * (self.dt / INDEPENDENT).min(1.0);
                     let odds = before.map_or(0.0, |(_, odds)| *odds) + now;
-                    pairs.push((ids, odds.max(-CERTAIN)));
+                    pairs.push((ids, odds.max(-STRONG.ln())));
                 }
             }
         }
         let gone: Vec<usize> =
-            pairs.iter().filter(|(_, odds)| *odds > CERTAIN).map(|(ids, _)| ids[1]).collect();
+            pairs.iter().filter(|(_, odds)| *odds > STRONG.ln()).map(|(ids, _)| ids[1]).collect();
         self.doubles = pairs;
         let mut claims_of = std::mem::take(claims).into_iter();
         self.bodies.retain(|body| {
@@ -77,12 +76,12 @@ pub(super) fn drop_doubles(tracks: &mut Vec<Track>, known: &BodyModel, fps: f64)
     let is_double = |a: &Track, b: &Track| {
         let odds = |t: usize| {
             let far = apart(a.pose(t)?, b.pose(t)?) / known.sigma;
-            Some(one_person(far, a.claim(t)?, b.claim(t)?).max(-CERTAIN))
+            Some(one_person(far, a.claim(t)?, b.claim(t)?).max(-STRONG.ln()))
         };
         let common: Vec<f64> =
             (a.first.max(b.first)..a.end().min(b.end())).filter_map(odds).collect();
         let looks = (common.len() as f64 / (fps * INDEPENDENT)).max(1.0);
-        looks * common.iter().sum::<f64>() / common.len() as f64 > CERTAIN
+        looks * common.iter().sum::<f64>() / common.len() as f64 > STRONG.ln()
     };
     let mut kept = vec![true; tracks.len()];
     for a in 0..tracks.len() {

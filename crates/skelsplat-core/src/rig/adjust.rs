@@ -39,7 +39,7 @@ const LEFT_OUT: usize = 2;
 const LEAST_DIVIDED: usize = 10;
 /// A change explains its camera where the distance of its detections in frames that were left out
 /// is at most this multiple of the median of the other cameras'.
-const ALIKE: f64 = 2.0;
+pub(super) const ALIKE: f64 = 2.0;
 /// It also does where the distance is at most this part of the one before.
 const NEARER: f64 = 0.85;
 /// Part of the image's diagonal that poor detections are off.

@@ -14,9 +14,6 @@ use nalgebra::{DMatrix, DVector, Vector2};
 
 use super::reduced::Reduced;
 
-/// Precision of the prior of an offset, of that of a detection: an offset is as large as an error.
-const PRIOR: f64 = 1.0;
-
 /// Offsets of the detections of every joint, mm: two coordinates of one view after the other.
 #[derive(Debug, Clone)]
 pub struct LastingErrors(Vec<DVector<f64>>);
@@ -72,10 +69,10 @@ impl LastingErrors {
         if all.gradient.len() < b {
             return none();
         }
-        let prior = DMatrix::from_diagonal_element(b, b, PRIOR);
-        let own = all.matrix.view((q, q), (b, b)) + prior;
+        // The prior of an offset has the precision of a detection: an offset is as large as an error.
+        let own = all.matrix.view((q, q), (b, b)) + DMatrix::identity(b, b);
         let mixed = all.matrix.view((q, 0), (b, q)).into_owned();
-        let pull = all.gradient.rows(q, b) + &self.0[j] * PRIOR;
+        let pull = all.gradient.rows(q, b) + &self.0[j];
         own.cholesky().map_or_else(none, |factor| Follow {
             pull: factor.solve(&pull),
             slope: factor.solve(&mixed),

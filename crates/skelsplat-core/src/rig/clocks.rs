@@ -10,15 +10,13 @@ use super::bias::LastingErrors;
 use super::bundle::{Bundle, CHUNK, PER_NOISE, unknowns};
 use super::evidence::{excess, log_odds, turning_point, wald};
 use super::placed::{Change, Freedom, Placed};
-use super::search::{CONFIRMED_WALD, Explanation, FAULT_WALD, LEAST, RAYLEIGH, Scope};
-use crate::statistics::median;
+use super::search::{CONFIRMED_WALD, Explanation, FAULT_WALD, LEAST, Scope};
+use crate::statistics::{STRONG, median, variance_of};
 
 /// Most frames by which clocks may differ.
 const MOST_OFFSET: isize = 30;
 /// They differ by at most this part of the recording.
 const PART: usize = 3;
-/// Odds of strong evidence (Jeffreys, Theory of Probability, appendix B).
-pub(super) const STRONG: f64 = 10.0;
 /// The least recording that tells clocks, frames.
 const LEAST_FRAMES: usize = 12;
 /// Frames by which a clock's error bar tells lags apart.
@@ -272,5 +270,5 @@ impl Scope<'_> {
 fn kernel<'a>(all: impl IntoIterator<Item = &'a Errors>) -> f64 {
     let size = |errors: &Errors| median(errors.iter().flatten().map(Vector2::norm));
     let least = all.into_iter().map(size).fold(f64::INFINITY, f64::min);
-    2.0 * PER_NOISE * (least / RAYLEIGH).max(f64::MIN_POSITIVE)
+    2.0 * PER_NOISE * variance_of(least * least).sqrt().max(f64::MIN_POSITIVE)
 }

@@ -9,7 +9,7 @@ use super::reduced::Judged;
 /// in twenty cases.
 const AGREED: f64 = 1.7;
 
-/// The probability that a camera is not as its calibration says.
+/// The probability that a camera, or all lenses, are not as the calibration says.
 pub(super) const CHANGED: f64 = 0.05;
 
 /// Error bars of a camera's change: root-mean-square length of the error.

@@ -7,13 +7,12 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::evidence::CHANGED;
 use super::gauge::{Sureness, Zooms};
+use super::prior::CALIBRATED;
 
-/// The probability that the lens of one camera, or of all, is not the one that was given,
-const WRONG_LENS: f64 = 0.05;
-/// the standard deviation of the logarithm of its focal length then: another zoom,
-const OTHER_ZOOM: f64 = 0.1;
-/// and if it is: another focus.
+/// Standard deviation of the logarithm of a focal length that was given, if it is right: another
+/// focus.
 const OTHER_FOCUS: f64 = 0.01;
 /// Standard deviation of the logarithm of a focal length that is unknown: the widths of lenses of
 /// phones and action cameras, 50 to 90°, about 65°.
@@ -102,7 +101,7 @@ impl LensPosterior {
         others: &[(f64, DVector<f64>)],
     ) -> Option<Self> {
         let wrong = |(part, which): &(f64, DVector<f64>)| {
-            (WRONG_LENS * part, right + which * which.transpose() * OTHER_ZOOM.powi(2))
+            (CHANGED * part, right + which * which.transpose() * CALIBRATED.sigma.powi(2))
         };
         let all: Vec<_> =
             std::iter::once((1.0, right.clone())).chain(others.iter().map(wrong)).collect();

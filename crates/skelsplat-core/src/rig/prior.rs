@@ -24,7 +24,7 @@ pub struct Lenses {
     alike: Option<DMatrix<f64>>,
 }
 
-/// Of cameras with a calibration.
+/// Of cameras with a calibration: another zoom.
 pub static CALIBRATED: Lenses = Lenses { sigma: 0.1, alike: None };
 
 impl Lenses {

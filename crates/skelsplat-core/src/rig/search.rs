@@ -18,12 +18,10 @@ use super::reduced::Judged;
 use super::scene::Scene;
 use crate::batch::Progress;
 use crate::error::Result;
-use crate::statistics::median;
+use crate::statistics::{median, variance_of};
 
 /// Fewer detections do not place a camera.
 pub(super) const LEAST: usize = 20;
-/// Median distance of normal errors in a plane, relative to their standard deviation.
-pub(super) const RAYLEIGH: f64 = 1.177_41;
 /// Least noise, pixels.
 const LEAST_PX: f64 = 0.05;
 /// A clock is off, and a place in doubt, from this Wald statistic on.
@@ -267,7 +265,7 @@ impl Scope<'_> {
         let sights: Vec<(f64, f64)> = all
             .flat_map(|(i, camera)| self.scene.distances(self.frames, &points, i, camera))
             .collect();
-        let noise = median(sights.iter().map(|(px, mm)| px * mm)) / RAYLEIGH;
+        let noise = variance_of(median(sights.iter().map(|(px, mm)| px * mm)).powi(2)).sqrt();
         let least = LEAST_PX * median(sights.iter().map(|(_, mm)| *mm));
         PER_NOISE * if noise > least { noise } else { least.max(f64::MIN_POSITIVE) }
     }

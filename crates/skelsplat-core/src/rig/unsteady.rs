@@ -4,9 +4,9 @@
 //! both, against which the odds are those of both parts together: min over c of a(c) + b(c). They
 //! are to exceed the number of other lags, and of moments, that were tried.
 
-use super::clocks::STRONG;
 use super::placed::Placed;
 use super::search::Scope;
+use crate::statistics::STRONG;
 
 /// Quarters of the recording after which its division is tried.
 const BEGINNINGS: [usize; 3] = [2, 1, 3];

@@ -1,7 +1,5 @@
 //! How long the errors of detections last.
 
-use std::f64::consts::LN_2;
-
 use nalgebra::{Matrix3, Vector3};
 
 use super::noise::DetectionNoise;
@@ -9,7 +7,7 @@ use super::solver::WindowSolver;
 use super::times::{SHORT, frames_in};
 use crate::annealed::consensus::REJECTED;
 use crate::matrix3::product;
-use crate::statistics::median;
+use crate::statistics::{median, variance_of};
 
 /// Time up to which errors have a memory, s.
 const MEMORY: f64 = 0.7;
@@ -18,10 +16,6 @@ const LEAST_SECONDS: f64 = 3.0;
 /// The constant share of the errors' variance where the recording does not show it, and the slow
 /// share of the rest, as measured on real recordings.
 pub(super) const USUAL_SHARE: f64 = 0.4;
-/// The time constant of the latter, s, as measured on real recordings.
-const USUAL_SECONDS: f64 = 0.5 * MEMORY;
-/// Largest constant share.
-const MOST_CONSTANT: f64 = 2.0 * USUAL_SHARE;
 /// Joints in a view as which the memory of all joints counts for a class of them.
 const SHARED: f64 = 8.0;
 
@@ -37,19 +31,20 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// The memory of errors of which nothing is known.
+    /// The memory of errors of which nothing is known, with a time constant of half of the longest,
+    /// as measured on real recordings.
     pub fn usual(fps: f64) -> Self {
         let longest = frames_in(MEMORY, fps);
-        let after = |lag: usize| USUAL_SHARE * (-(lag as f64) / (USUAL_SECONDS * fps)).exp();
+        let after = |lag: usize| USUAL_SHARE * (-(lag as f64) / (0.5 * MEMORY * fps)).exp();
         Self { constant: USUAL_SHARE, rest: (1..=longest).map(after).collect(), common: 0.0 }
     }
 
     /// From the autocorrelation `rho` of the residuals at `lags`: at the longest ones it is the
-    /// constant share c, and (ρ − c)/(1 − c) is that of the rest.
+    /// constant share c, at most twice the usual, and (ρ − c)/(1 − c) is that of the rest.
     fn of(lags: &[usize], rho: &[f64], fps: f64) -> Self {
         let late = frames_in(MEMORY - SHORT, fps);
         let last = || lags.iter().zip(rho).filter(|(lag, _)| **lag >= late).map(|(_, r)| *r);
-        let constant = (last().sum::<f64>() / last().count() as f64).clamp(0.0, MOST_CONSTANT);
+        let constant = (last().sum::<f64>() / last().count() as f64).clamp(0.0, 2.0 * USUAL_SHARE);
         let rest = |k: usize| ((rho[k] - constant) / (1.0 - constant)).max(0.0);
         let of_lag = |lag: usize| {
             let k = lags.partition_point(|h| *h < lag);
@@ -91,7 +86,7 @@ fn common(run: &WindowSolver<'_>) -> f64 {
     }
     let squares = sums.iter().filter(|(_, n)| *n > 0.0).map(|(sum, n)| (sum / *n).norm_squared());
     let numbers = 2.0 * tracks.views as f64;
-    median(squares) / (2.0 * LN_2) * numbers / (numbers - 3.0).max(1.0)
+    variance_of(median(squares)) * numbers / (numbers - 3.0).max(1.0)
 }
 
 /// The memory of every joint's errors along the path of `run`, given their `noise`.

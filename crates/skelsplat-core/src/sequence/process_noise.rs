@@ -36,11 +36,10 @@ const SLOW_RATE: f64 = 15.0;
 /// Least variance of second differences in multiples of the white noise: those of detections that
 /// never change are 0, and others are counted in multiples of them.
 const STILL: f64 = 1e-6;
-/// Second differences needed for an estimate.
+/// Second differences needed for an estimate, and as which the recording's process noise counts, if
+/// these are not fewer than those of the time in which errors become independent: at high rates
+/// they overlap.
 const LEAST: usize = 6;
-/// Second differences as which the recording's process noise counts, at least those of the time in
-/// which errors become independent: at high rates they overlap.
-const PRIOR: f64 = LEAST as f64;
 
 /// The process noise of a joint in a recording.
 #[derive(Debug, Clone, PartialEq)]
@@ -190,7 +189,7 @@ pub fn local(tracks: &Tracks, fps: f64, bones: &[[usize; 2]], usual: &[ProcessNo
     let views: Vec<Vec<u64>> = (0..tracks.joints).map(|j| agreeing(tracks, j)).collect();
     let (reach, spans) = (frames_in(AROUND, fps), frames_in(SPAN, fps));
     let mut shares: Vec<f64> = Vec::new();
-    let prior = PRIOR.max(INDEPENDENT * fps);
+    let prior = (LEAST as f64).max(INDEPENDENT * fps);
     for h in 1..=spans {
         let of_joint = |j: usize| ratios(tracks, &views[j], j, h, usual[j].squares[h - 1]);
         let sums: Vec<Vec<[f64; 2]>> = (0..tracks.joints).map(of_joint).collect();

@@ -34,10 +34,9 @@ const BINS: usize = 112;
 const FIRST_BIN: i64 = -48;
 /// Shares of wrong detections, of which the likeliest is taken.
 const WRONG: [f64; 5] = [0.02, 0.1, 0.25, 0.45, 0.65];
-/// Standard deviation of the factors' logarithms, doublings: views of real recordings and times
-/// differ by about as much, classes by half as much again, a class in a view or a view in time by
-/// half of it.
-const FACTOR: f64 = 1.0;
+/// Standard deviations of the factors' logarithms, doublings, as of real recordings: of classes, of
+/// views and times, and of a class in a view or a view in time.
+const APART: [f64; 3] = [1.5, 1.0, 0.5];
 /// Frames as which any number of a joint in a view counts: errors last, squares correlate by 0.16.
 const MOST_FRAMES: f64 = 6.0;
 /// Share of the leverage in its frame alone that a position over time takes up: all of errors that
@@ -65,12 +64,12 @@ impl DetectionNoise {
         let (mut of_class, mut of_view) = (vec![shared; n], vec![0.0; m]);
         for _ in 0..SWEEPS {
             let own = |a: usize| together(&|c| (classes[c / m] == a).then(|| of_view[c % m]));
-            of_class = (0..n).map(|a| mean(&own(a), shared, 1.5 * FACTOR)).collect();
+            of_class = (0..n).map(|a| mean(&own(a), shared, APART[0])).collect();
             let own = |i: usize| together(&|c| (c % m == i).then(|| of_class[classes[c / m]]));
-            of_view = (0..m).map(|i| mean(&own(i), 0.0, FACTOR)).collect();
+            of_view = (0..m).map(|i| mean(&own(i), 0.0, APART[1])).collect();
         }
         let octaves =
-            |c: usize| mean(&cells[c], of_class[classes[c / m]] + of_view[c % m], 0.5 * FACTOR);
+            |c: usize| mean(&cells[c], of_class[classes[c / m]] + of_view[c % m], APART[2]);
         let variance = (0..n * m).map(|c| usual * exp2(octaves(c))).collect();
         let kernel = Kernel { least: WIDER, ..self.kernel.clone() };
         Self { variance, wrong, kernel, ..self.clone() }
@@ -99,8 +98,8 @@ impl DetectionNoise {
                 let (first, last) = (&sums[near.start * m + i], &sums[near.end * m + i]);
                 std::array::from_fn(|k| last[k] - first[k])
             };
-            let shared = mean(&(0..m).map(of_view).fold([0.0; LEVELS], plus), 0.0, FACTOR);
-            (0..m).for_each(|i| out[i * t + k] = exp2(mean(&of_view(i), shared, 0.5 * FACTOR)));
+            let shared = mean(&(0..m).map(of_view).fold([0.0; LEVELS], plus), 0.0, APART[1]);
+            (0..m).for_each(|i| out[i * t + k] = exp2(mean(&of_view(i), shared, APART[2])));
         }
         out
     }

@@ -56,8 +56,6 @@ pub const SETTLE: &Schedule = &[(1.0, 6)];
 const ROUNDS: usize = 8;
 /// Their relative accuracy.
 const ACCURACY: f64 = 0.05;
-/// Longest step of a joint, mm, and the distance that damps it.
-const LONGEST: f64 = Annealing::START;
 /// Rounds of the smoothing from which the annealing starts.
 const SMOOTHING: usize = 4;
 /// Reach of its kernel for positions on which views do not agree, and live of that of the
@@ -138,11 +136,11 @@ impl<'a> WindowSolver<'a> {
 
     /// One step; returns the root mean square movement, mm.
     fn step(&mut self) -> f64 {
-        let step = self.system.solve(LONGEST.powi(-2), ACCURACY, ROUNDS);
+        let step = self.system.solve(Annealing::START.powi(-2), ACCURACY, ROUNDS);
         let mut squares = 0.0;
         for (x, step) in self.points.iter_mut().zip(step) {
             let length = step.norm();
-            *x += if length > LONGEST { step * (LONGEST / length) } else { step };
+            *x += if length > Annealing::START { step * (Annealing::START / length) } else { step };
             squares += length * length;
         }
         (squares / self.points.len() as f64).sqrt()
@@ -272,7 +270,7 @@ impl<'a> WindowSolver<'a> {
             let x = &self.points[of.clone()];
             let block = |t: usize| {
                 if !known(t) {
-                    let still = if active[t] { LONGEST.powi(-4) } else { 1.0 };
+                    let still = if active[t] { Annealing::START.powi(-4) } else { 1.0 };
                     return Matrix3::from_diagonal_element(still);
                 }
                 let off = alone[t] - x[t];

@@ -1,13 +1,14 @@
 //! Arrivals: newcomers, bodies that are found again, and bodies that turn out to be one.
 
 use super::claims::{SHAPE, hand_back};
-use super::{Associator, DIFFERENCE, HOLD};
+use super::{Associator, DIFFERENCE};
 use crate::annealed::places::LEAP;
 use crate::people::births::{Free, Newcomer};
 use crate::people::body::{Body, Claims, apart, views};
 use crate::people::crowd::Crowd;
 use crate::people::doubles::is_known;
 use crate::sequence::live::filter::ANY_SPEED;
+use crate::sequence::times::BRIDGE;
 
 /// Support below which two views may have agreed by chance.
 const DOUBTFUL: f64 = 1.0;
@@ -150,7 +151,7 @@ impl Associator {
             let far = apart(&lost.pose, &body.pose) / reach;
             // Bones of a single frame are no measure of them: they only tell apart after a while.
             let differs = lost.differs(&body) / DIFFERENCE;
-            let agree = differs < 1.0 || (gap < HOLD && differs < 2.0);
+            let agree = differs < 1.0 || (gap < BRIDGE && differs < 2.0);
             (far < 1.0 && agree).then_some((far + differs, at))
         };
         bodies.filter_map(cost).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, at)| at)

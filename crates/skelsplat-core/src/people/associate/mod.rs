@@ -13,8 +13,6 @@ use super::crowd::Crowd;
 use super::known::BodyModel;
 use crate::sequence::times::{BRIDGE, SHORT};
 
-/// Time without any view after which a body is lost, s: as long as a joint is bridged.
-const HOLD: f64 = BRIDGE;
 /// Time for which it then keeps its identity, and from which bones are measured before and after a
 /// meeting, s.
 pub(super) const KEEP: f64 = 5.0;
@@ -129,10 +127,10 @@ impl Associator {
         found
     }
 
-    /// Bodies that were not seen for too long are lost, then forgotten.
+    /// Bodies that no view sees for as long as a joint is bridged are lost, later forgotten.
     fn retire(&mut self) {
         let frames = |seconds: f64| (seconds / self.dt).ceil().max(1.0) as usize;
-        let (hold, keep, alone) = (frames(HOLD), frames(KEEP), frames(ALONE));
+        let (hold, keep, alone) = (frames(BRIDGE), frames(KEEP), frames(ALONE));
         let is_lost = |body: &Body| body.missed > hold || body.alone > alone;
         let lost = self.bodies.extract_if(.., |body| is_lost(body));
         self.lost.extend(lost);

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::Task;
+use crate::rig::adjust::ALIKE;
 use crate::rig::bundle::PER_NOISE;
 use crate::rig::placed::Placed;
 use crate::rig::scene::Scene;
@@ -13,9 +14,6 @@ use crate::statistics::median;
 const COMPARED: usize = 150;
 /// A camera belongs to the rig if the others explain this part of its detections.
 const EXPLAINED: f64 = 0.5;
-/// And if their distance from the joints is at most this multiple of the others', in pixels or at
-/// the joints: a detector's errors are between the same for all pixels and for all sizes of people.
-const ALIKE: f64 = 2.0;
 /// Distances explained by noise, in multiples of it.
 const WITHIN: f64 = 4.0;
 
@@ -47,7 +45,8 @@ impl Fit {
         cameras.iter().map(|placed| (placed.camera.centre() - middle).norm()).collect()
     }
 
-    /// The camera that contradicts the others most, if one does.
+    /// The camera that contradicts the others most, if one does: its detections are farther off in
+    /// pixels and at the joints, as errors are between the same in pixels and in sizes of people.
     pub(super) fn worst(&self) -> Option<usize> {
         let all = || self.of_cameras.iter().enumerate();
         let beside = |i: usize, distance: fn(&CameraFit) -> f64| {

@@ -27,8 +27,6 @@ pub(crate) const ANY_SPEED: f64 = 2000.0;
 pub(super) const LARGEST: f64 = 6.0;
 /// Longest span, frames.
 const LONGEST: usize = 128;
-/// Frames of usual motion that a joint starts with.
-const USUAL_FRAMES: f64 = LEAST as f64;
 
 /// Position and velocity of a joint, mm and mm/s.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -103,9 +101,9 @@ impl MotionStatistics {
             self.variance = variance;
             let usual = |h| of_span(h, USUAL_PROCESS_NOISE, variance, fps);
             self.squares = spans(longest).map(usual).collect();
-            self.count = USUAL_FRAMES;
+            self.count = LEAST as f64;
         }
-        self.count = (self.count + 1.0).min(OVERLAP * fps).max(USUAL_FRAMES);
+        self.count = (self.count + 1.0).min(OVERLAP * fps).max(LEAST as f64);
         let share = 1.0 / self.count;
         self.variance += share * (variance - self.variance);
         for (mean, h) in self.squares.iter_mut().zip(spans(longest)) {
