@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use self::changes::Changes;
 use super::bundle::unknowns;
 use super::calibrate::{Filmed, check_filmed};
-use super::evidence::{Bars, bars, is_worse, total, wald};
+use super::evidence::{ALIKE, Bars, bars, is_worse, total, wald};
 use super::placed::{Change, Freedom, Placed, rebuilt};
 use super::prior::CALIBRATED;
 use super::reduced::Reduced;
@@ -37,10 +37,8 @@ const EVERY: usize = 5;
 const LEFT_OUT: usize = 2;
 /// Fewer frames are all used.
 const LEAST_DIVIDED: usize = 10;
-/// A change explains its camera where the distance of its detections in frames that were left out
-/// is at most this multiple of the median of the other cameras'.
-pub(super) const ALIKE: f64 = 2.0;
-/// It also does where the distance is at most this part of the one before.
+/// A change also explains its camera where the distance of its detections in frames that were left
+/// out is at most this part of the one before.
 const NEARER: f64 = 0.85;
 /// Part of the image's diagonal that poor detections are off.
 const POOR: f64 = 0.012;
@@ -235,12 +233,8 @@ impl Task<'_> {
         let mut trusted: Vec<bool> = (0..m).map(|i| !free.contains(&i)).collect();
         for &i in free {
             let kind = Freedom { focal, clock, ..Freedom::PLACE };
-            let used = if trusted.iter().filter(|is_trusted| **is_trusted).count() < 2 {
-                vec![true; m]
-            } else {
-                trusted.clone()
-            };
-            let points = scope.scene.points(scope.frames, &rig.cameras, &used);
+            let few = trusted.iter().filter(|is_trusted| **is_trusted).count() < 2;
+            let points = scope.scene.points(scope.frames, &rig.cameras, |k| few || trusted[k]);
             let sigma = scope.sigma(&rig.cameras);
             if let Some(camera) = scope.placed(&rig, i, kind, &points, sigma) {
                 rig.cameras[i] = camera;
@@ -395,8 +389,7 @@ impl Task<'_> {
     fn left_out(&self, cameras: &[Placed]) -> Vec<f64> {
         let m = cameras.len();
         let of_view = |i: usize| {
-            let others: Vec<bool> = (0..m).map(|k| k != i || m == 2).collect();
-            let points = self.scene.points(&self.judged, cameras, &others);
+            let points = self.scene.points(&self.judged, cameras, |k| k != i || m == 2);
             let off = self.scene.distances(&self.judged, &points, i, &cameras[i]);
             median(off.iter().map(|(px, _)| *px))
         };

@@ -152,8 +152,7 @@ impl Scope<'_> {
     /// in a part of the recording, in proportion to d = Σ ρ(e' − e): T is the slope of D over d
     /// by the error that allows cells their own noise (White 1980).
     pub fn lags(&self, rig: &[Placed], view: usize, points: Option<&[Vector3<f64>]>) -> Lags {
-        let others: Vec<bool> = (0..rig.len()).map(|i| i != view).collect();
-        let own = points.is_none().then(|| self.scene.points(self.frames, rig, &others));
+        let own = points.is_none().then(|| self.scene.points(self.frames, rig, |i| i != view));
         let points = points.or(own.as_deref()).unwrap_or_default();
         let (most, now) = (self.most_offset(), rig[view].clock);
         let errors = |clock: f64| (clock, self.passing(rig, view, clock, points, own.is_some()));
@@ -193,8 +192,7 @@ impl Scope<'_> {
     /// The place among the frames from which on the second of two clocks of a view explains its
     /// detections better.
     pub(super) fn crossing(&self, rig: &[Placed], view: usize, clocks: [f64; 2]) -> usize {
-        let others: Vec<bool> = (0..rig.len()).map(|i| i != view).collect();
-        let points = self.scene.points(self.frames, rig, &others);
+        let points = self.scene.points(self.frames, rig, |i| i != view);
         let [first, second] = clocks.map(|clock| self.passing(rig, view, clock, &points, true));
         let kernel = kernel([&first, &second]);
         let cost = |e: &Vector2<f64>| 1.0 - (-(e / kernel).norm_squared()).exp();
@@ -218,8 +216,8 @@ impl Scope<'_> {
     ) -> Errors {
         let mut cameras = rig.to_vec();
         cameras[view].clock = clock;
-        let pair =
-            (again && rig.len() == 2).then(|| self.scene.points(self.frames, &cameras, &[true; 2]));
+        let pair = again && rig.len() == 2;
+        let pair = pair.then(|| self.scene.points(self.frames, &cameras, |_| true));
         let (n, camera) = (self.scene.n_joints(), &cameras[view]);
         let error = |(k, x): (usize, &Vector3<f64>)| {
             let sight = self.scene.sight(self.frames[k / n], view, k % n, camera, false)?;
@@ -257,7 +255,7 @@ impl Scope<'_> {
         let frames: Vec<usize> = self.frames.iter().copied().filter(there).collect();
         let scope = Scope { frames: &frames, ..*self };
         rigs.map(|cameras| {
-            let points = scope.scene.points(&frames, cameras, &vec![true; cameras.len()]);
+            let points = scope.scene.points(&frames, cameras, |_| true);
             let still = vec![Freedom::default(); cameras.len()];
             let mut bundle = scope.timing(scope.bundle(cameras.to_vec(), still, points));
             bundle.solve(sigma, sigma);

@@ -9,6 +9,10 @@ use super::reduced::Judged;
 /// in twenty cases.
 const AGREED: f64 = 1.7;
 
+/// A camera is like the others where the distance of its detections from the joints is at most this
+/// multiple of theirs.
+pub(super) const ALIKE: f64 = 2.0;
+
 /// The probability that a camera, or all lenses, are not as the calibration says.
 pub(super) const CHANGED: f64 = 0.05;
 

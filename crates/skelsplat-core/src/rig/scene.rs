@@ -61,7 +61,7 @@ impl JointMotion {
         frames.iter().flat_map(around).for_each(|t| places[t] = Some(0));
         let needed: Vec<usize> = (0..places.len()).filter(|t| places[*t].is_some()).collect();
         needed.iter().enumerate().for_each(|(place, t)| places[*t] = Some(place));
-        let points = scene.points(&needed, cameras, &vec![true; cameras.len()]);
+        let points = scene.points(&needed, cameras, |_| true);
         Self { n_joints: scene.n_joints(), reach, places, points, movements: Vec::new() }.measured()
     }
 
@@ -181,8 +181,13 @@ impl<'a> Scene<'a> {
     }
 
     /// Joints `(frames, N)` placed by the views that are `used`, mm; NaN where unknown.
-    pub fn points(&self, frames: &[usize], cameras: &[Placed], used: &[bool]) -> Vec<Vector3<f64>> {
-        let views: Vec<usize> = (0..cameras.len()).filter(|i| used[*i]).collect();
+    pub fn points(
+        &self,
+        frames: &[usize],
+        cameras: &[Placed],
+        used: impl Fn(usize) -> bool,
+    ) -> Vec<Vector3<f64>> {
+        let views: Vec<usize> = (0..cameras.len()).filter(|i| used(*i)).collect();
         let there: Vec<Camera> = views.iter().map(|i| cameras[*i].camera.clone()).collect();
         let at_frame = |t: &usize| {
             let get = |v: usize, j: usize| {

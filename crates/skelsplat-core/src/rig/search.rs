@@ -260,7 +260,7 @@ impl Scope<'_> {
 
     /// Width of the kernel for these cameras, mm.
     pub fn sigma(&self, cameras: &[Placed]) -> f64 {
-        let points = self.scene.points(self.frames, cameras, &vec![true; cameras.len()]);
+        let points = self.scene.points(self.frames, cameras, |_| true);
         let all = cameras.iter().enumerate();
         let sights: Vec<(f64, f64)> = all
             .flat_map(|(i, camera)| self.scene.distances(self.frames, &points, i, camera))
@@ -278,7 +278,7 @@ impl Scope<'_> {
         sigma: f64,
         wider: f64,
     ) -> Explanation {
-        let points = self.scene.points(self.frames, &cameras, &vec![true; cameras.len()]);
+        let points = self.scene.points(self.frames, &cameras, |_| true);
         let mut bundle = self.bundle(cameras, freedom.clone(), points);
         bundle.solve(wider * sigma, sigma);
         if !freedom.iter().any(|freedom| freedom.clock) {
@@ -316,8 +316,7 @@ impl Scope<'_> {
         sigma: f64,
     ) -> Option<Supposed> {
         let m = rig.cameras.len();
-        let others: Vec<bool> = (0..m).map(|i| i != view || m == 2).collect();
-        let points = self.scene.points(self.frames, &rig.cameras, &others);
+        let points = self.scene.points(self.frames, &rig.cameras, |i| i != view || m == 2);
         let kind = match fault {
             Fault::Turn => Freedom { shift: false, ..Freedom::PLACE },
             Fault::Zoom => Freedom { focal: true, ..Freedom::default() },

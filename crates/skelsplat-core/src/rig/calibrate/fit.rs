@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 
 use super::Task;
-use crate::rig::adjust::ALIKE;
 use crate::rig::bundle::PER_NOISE;
+use crate::rig::evidence::ALIKE;
 use crate::rig::placed::Placed;
 use crate::rig::scene::Scene;
 use crate::rig::search::LEAST;
@@ -71,7 +71,7 @@ impl Task<'_> {
         let chosen = self.shared(&seen, cameras, COMPARED);
         let scene = Scene::new(&seen);
         let noise = self.scope(scene, &chosen, cameras).sigma(cameras) / PER_NOISE;
-        let points = scene.points(&chosen, cameras, &vec![true; views.len()]);
+        let points = scene.points(&chosen, cameras, |_| true);
         let of_camera = |(i, camera): (usize, &Placed)| {
             let off = scene.distances(&chosen, &points, i, camera);
             let near = off.iter().filter(|(px, mm)| px * mm < WITHIN * noise).count();

@@ -201,8 +201,7 @@ fn when_moved(
     width: f64,
 ) -> usize {
     let m = rigs[0].cameras.len();
-    let used: Vec<bool> = (0..m).map(|k| k != i || m == 2).collect();
-    let placed = rigs.map(|rig| scene.points(frames, &rig.cameras, &used));
+    let placed = rigs.map(|rig| scene.points(frames, &rig.cameras, |k| k != i || m == 2));
     let n = scene.n_joints();
     let more = |t: usize| {
         let cost = |part: usize| {
