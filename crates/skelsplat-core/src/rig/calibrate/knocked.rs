@@ -6,7 +6,8 @@
 //! of the first those in which all others move together. With W, the inverse of C₁ + C₂
 //! without g, A = Eᵢᵀ W Eᵢ and b = Eᵢᵀ W d, this explains t² = bᵀ (A + V⁻¹)⁻¹ b more. It happens
 //! with the probability ε, so that the logarithm of the odds is ln ε/(1−ε) + t²/2 − ½ ln |1 + A V|,
-//! with the tails of a t statistic in place of t²/2. δ is a turn, or a turn and a shift.
+//! with the tails of a t statistic in place of t²/2. δ is a turn, or a turn and a shift. The odds are
+//! to be strong, and to exceed the number of moments from which the search begins.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -22,6 +23,7 @@ use crate::rig::placed::{Change, Placed};
 use crate::rig::prior::CALIBRATED;
 use crate::rig::scene::Scene;
 use crate::rig::search::Explanation;
+use crate::statistics::STRONG;
 
 /// Turn and shift.
 const PLACE: usize = 6;
@@ -77,9 +79,11 @@ impl Task<'_> {
                 let parts = self.parts(views, cameras, self.times[frames[first]], progress)?;
                 let rigs = parts.each_ref().map(|(rig, _)| rig);
                 let fit = &parts[0].1;
-                let Some(k) = moved_between(rigs, &fit.reach(&rigs[0].cameras)) else { break };
+                let likeliest = moved_between(rigs, &fit.reach(&rigs[0].cameras));
+                let Some((k, odds)) = likeliest.filter(|(_, odds)| *odds > 0.0) else { break };
                 let since = when_moved(Scene::new(&seen), &frames, rigs, k, PER_NOISE * fit.noise);
-                let settled = since.abs_diff(first) as f64 <= SETTLED * frames.len() as f64;
+                let settled = since.abs_diff(first) as f64 <= SETTLED * frames.len() as f64
+                    && odds > (STRONG * BEGINNINGS.len() as f64).ln();
                 let agrees = |fit: &Fit| views.len() == 2 || fit.worst().is_none();
                 let agreed = settled && parts.iter().all(|(_, fit)| agrees(fit));
                 if let Some(frame) = frames.get(since).filter(|_| agreed) {
@@ -109,12 +113,12 @@ impl Task<'_> {
     }
 }
 
-/// The camera that moved between two rigs of the same cameras, if one did: the likeliest.
-fn moved_between(parts: [&Explanation; 2], reach: &[f64]) -> Option<usize> {
+/// The camera that likeliest moved between two rigs of the same cameras, and the logarithm of its
+/// odds.
+fn moved_between(parts: [&Explanation; 2], reach: &[f64]) -> Option<(usize, f64)> {
     let difference = Difference::between(parts)?;
     let odds = (0..reach.len()).filter_map(|i| Some((i, difference.odds(i, reach[i])?)));
-    let best = odds.max_by(|a, b| a.1.total_cmp(&b.1))?;
-    (best.1 > 0.0).then_some(best.0)
+    odds.max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 struct Difference<'a> {
