@@ -183,8 +183,8 @@ JOB = rows(
         as they are and do not affect others. Requires --fps. [none]
     Output:
     * -o, --output FOLDER  Folder for the results. [required]
-    * --write FORMATS  Pose files. Some of csv, trc, c3d, json, nc (xarray, movement), bvh, glb (animation),
-        anipose.csv, npy (FreeMoCap); pose.npz is always written. [= csv,trc]
+    * --write FORMATS  Pose files. Some of {", ".join(POSE_FORMATS)}: nc for xarray and movement, bvh and glb
+        for animation, npy for FreeMoCap. pose.npz is always written. [= csv,trc]
     * --y-up  Write TRC and C3D with y up. OpenSim expects it; the calibration must have z up. BVH and glTF
         have it anyway.
     --marker-names STYLE  Joint names in TRC and C3D files: skelsplat (right_hip), or pose2sim (RHip), for

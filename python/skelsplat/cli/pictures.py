@@ -21,17 +21,15 @@ from skelsplat.run.frame_range import FrameRange
 from skelsplat.run.plots import PICTURES, USUAL, read_source, write_plots
 
 _PLOT_EPILOG = (
-    "trajectories: positions with bands of ±1 and ±2 standard deviations. bones: lengths of the limbs, left "
-    "next to right. errors: median reprojection error and share of rejected detections, camera by joint. "
-    "angles: joint angles with the same bands. "
-    "Figures are 180 mm wide. What can be drawn of a pose file depends on what its format stores."
+    f"{'. '.join(f'{name}: {words}' for name, words in PICTURES.items())}. Figures are 180 mm wide. "
+    "What can be drawn of a pose file depends on what its format stores."
 )
 
 _PLOT_OPTIONS = rows(
-    """
+    f"""
     RUN  Output folder of refine or demo, or a pose file.
     Drawing:
-    --only FIGURES  Figures to draw: some of trajectories, bones, errors, angles.
+    --only FIGURES  Figures to draw: some of {", ".join(PICTURES)}.
         [trajectories,bones,errors; angles too of a run with --angles]
     --joints A,B,…  Joints of trajectories and angles, or all. [wrists and ankles, or first four; all angles]
     --range A-B  Frames to draw, by the run's frame numbers; A- and -B are open ranges; A is one frame. [all]
@@ -41,7 +39,7 @@ _PLOT_OPTIONS = rows(
     -o, --output FOLDER  Folder for the figures. [RUN/plots; of a file, plots/FILE next to it]
     --format FORMATS  png, pdf or png,pdf. [= png]
     """,
-    only=partial(options.some_of, PICTURES),
+    only=partial(options.some_of, tuple(PICTURES)),
     range=options.frame_range,
     layout={"marks": (NAME_OR_PATH,)},
     format=partial(options.some_of, ("png", "pdf")),
@@ -69,21 +67,19 @@ def plot(
 
     skelsplat plot walk.trc --only bones --layout body25b
     """
-    usual = PICTURES if (run / ANGLE_FILES[1]).is_file() else USUAL
+    usual = tuple(PICTURES) if (run / ANGLE_FILES[1]).is_file() else USUAL
     source = read_source(run, layout=layout, range=range or FrameRange(), joints=joints)
     folder = output or (run.parent / "plots" / run.name if run.is_file() else run / "plots")
     with progress("figures") as count:
         drawn = write_plots(source, folder, only=only or usual, formats=format, progress=count)
-    for picture in drawn:
-        if not picture.files:
-            print_message(f"warning: {picture.name} left out: {picture.sentence}")
+    for picture in (one for one in drawn if not one.files):
+        print_message(f"warning: {picture.name} left out: {picture.sentence}")
+    files = [path for picture in drawn for path in picture.files]
 
     def show(console: Console) -> None:
         for picture in (one for one in drawn if one.files):
             console.print(f"{picture.name}: {picture.sentence}")
-        names = [path.name for picture in drawn for path in picture.files]
-        if names:
-            console.print(f"Wrote to {folder}/: {', '.join(names)}")
+        console.print(f"Wrote to {folder}/: {', '.join(path.name for path in files)}")
 
     frames = source.poses.frames
     document = {
@@ -93,7 +89,7 @@ def plot(
         "last_frame": int(frames[-1]),
         "frame_rate_hz": source.poses.frame_rate,
         "processing": list(source.poses.processing),
-        "files": [str(path) for picture in drawn for path in picture.files],
+        "files": [str(path) for path in files],
         **{picture.name: picture.numbers for picture in drawn},
         "left_out": {picture.name: picture.sentence for picture in drawn if not picture.files},
     }

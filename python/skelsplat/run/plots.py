@@ -22,8 +22,13 @@ from skelsplat.run.angles import vertical_of
 from skelsplat.run.folder import output_folder
 from skelsplat.run.frame_range import FrameRange
 
-PICTURES = ("trajectories", "bones", "errors", "angles")
-USUAL = PICTURES[:3]  # unless told otherwise
+PICTURES = {  # what each shows
+    "trajectories": "positions with bands of ±1 and ±2 standard deviations",
+    "bones": "lengths of the limbs, left next to right",
+    "errors": "median reprojection error and share of rejected detections, camera by joint",
+    "angles": "joint angles with the same bands",
+}
+USUAL = ("trajectories", "bones", "errors")  # unless told otherwise
 Pairs = tuple[tuple[int, int], ...]
 _DISTAL, _FEW = ("wrist", "ankle"), 4  # without a choice: where errors show first, or so many of the first
 
@@ -130,9 +135,8 @@ def _chosen_joints(text: str | None, names: tuple[str, ...]) -> tuple[int, ...]:
     if text.strip() == "all":
         return every
     wanted = list(dict.fromkeys(part.strip() for part in text.split(",")))
-    for name in wanted:
-        if name not in names:
-            raise InvalidInputError(f"joints: expected all or some of {', '.join(names)}, got {name!r}")
+    for name in (one for one in wanted if one not in names):
+        raise InvalidInputError(f"joints: expected all or some of {', '.join(names)}, got {name!r}")
     return tuple(names.index(name) for name in wanted)
 
 
