@@ -17,10 +17,11 @@ from skelsplat._clocks import in_step
 from skelsplat._frozen import frozen, without_frozen
 from skelsplat._placing import Task
 from skelsplat._skelsplat import Camera, Layout, RefineConfig, triangulate
-from skelsplat._words import size_text
-from skelsplat._world import ADULT, Floor, body_size, find_floor, mean_size, moved, movement, upright
+from skelsplat._words import length, percent, size_text
+from skelsplat._world import ADULT, body_size, find_floor, mean_size, moved, movement, upright
 from skelsplat.cameras import CameraRig, altered, without_distortion
 from skelsplat.exceptions import InvalidInputError
+from skelsplat.findings import Finding, warn
 
 # Largest difference of two clocks, seconds.
 _MOST_LAG_S = 10.0
@@ -28,6 +29,10 @@ _MOST_LAG_S = 10.0
 _USUAL_FOCAL = 0.8
 # Part of the detections that may lie outside of their image.
 _OUTSIDE = 0.1
+# Least focal length over image width: 157°, a wide lens without a fisheye model. And the middle of detections
+# from images smaller than stated is nearer to the corner than this: in real recordings, 0.46 along one axis.
+_LEAST_FOCAL = 0.1
+_UPPER_LEFT = 0.4
 # A view is a copy of another if this part of its joints is where the other's are.
 _COPIED = 0.5
 # Statures, metres.
@@ -67,12 +72,13 @@ class Intrinsics:
 
     def camera(self) -> Camera:
         """Return a camera at the origin, with a usual focal length where it is unknown."""
-        width, height = self.size
-        focal = _USUAL_FOCAL * max(width, height)
-        middle = [[focal, 0.0, (width - 1) / 2], [0.0, focal, (height - 1) / 2], [0.0, 0.0, 1.0]]
-        K = middle if self.K is None else self.K
+        K = np.eye(3) if self.K is None else self.K
         camera = Camera(K, np.eye(3), np.zeros(3), size=self.size, name=self.name)
-        return altered(camera, distortion=self.distortion, fisheye=self.fisheye)
+        if self.K is None:
+            width, height = camera.size
+            focal = _USUAL_FOCAL * max(width, height)
+            K = [[focal, 0.0, (width - 1) / 2], [0.0, focal, (height - 1) / 2], [0.0, 0.0, 1.0]]
+        return altered(camera, K=K, distortion=self.distortion, fisheye=self.fisheye)
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,9 +221,9 @@ def calibrate_cameras(
     if same_focal and not focal:
         raise InvalidInputError("same_focal: expected none with K, which states focal lengths")
     options = config or RefineConfig()
-    _check_sizes(seen, blank)
+    _check_images(seen, blank)
     size = _Size.given(stature, distance, [str(camera.name) for camera in blank])
-    most_lag = _most_lag(clock, fps)
+    most_lag = min(_most_lag(clock, fps), len(seen))
     known = seen if seen.shape[4] == 2 else np.where(seen[..., 2:] >= options.min_confidence, seen, np.nan)
     lenses = blank if options.undistort else [without_distortion(camera) for camera in blank]
     task = Task(blank, lenses, skeleton, focal, focal and same_focal, clock, most_lag, fps, options)
@@ -237,6 +243,8 @@ def calibrate_cameras(
 def _recording(detections: ArrayLike, views: int, layout: Layout) -> Array:
     """Return detections (T, M, P, N, 2|3) with what repeats an older image missing."""
     given = numbers(detections, "detections")
+    if np.isinf(given).any():
+        raise InvalidInputError("detections: expected pixels, NaN for missing, got an infinite number")
     seen = given[:, :, None] if given.ndim == 4 else given
     fits = seen.ndim == 5 and (seen.shape[1], seen.shape[3]) == (views, layout.n_joints)
     if not fits or not seen.shape[2] or seen.shape[4] not in (2, 3):
@@ -253,14 +261,29 @@ def _recording(detections: ArrayLike, views: int, layout: Layout) -> Array:
     return without_frozen(seen, frozen(seen))
 
 
-def _check_sizes(seen: Array, cameras: Sequence[Camera]) -> None:
-    """Refuse image sizes that the detections contradict."""
+def _check_images(seen: Array, cameras: Sequence[Camera]) -> None:
+    """Refuse lenses that no camera has, and sizes that the detections contradict; warn of doubtful sizes."""
+    middles = []
     for i, camera in enumerate(cameras):
+        focal = float(camera.K[0, 0])
+        if not camera.fisheye and focal < _LEAST_FOCAL * max(camera.size):
+            expected = f"a focal length in pixels of {size_text(camera.size)} images for {camera.name}"
+            raise InvalidInputError(f"intrinsics: expected {expected}, got {focal:.3g}")
         pixels = seen[:, i, ..., :2][np.isfinite(seen[:, i, ..., :2]).all(axis=-1)]
-        outside = ((pixels < 0) | (pixels > np.array(camera.size))).any(axis=-1)
-        if len(pixels) and outside.mean() > _OUTSIDE:
-            expected = f"detections within the image of {camera.name}, {size_text(camera.size)}"
-            raise InvalidInputError(f"size: expected {expected}, got {100 * outside.mean():.0f} % outside")
+        if not len(pixels):
+            continue
+        outside = ((pixels < 0) | (pixels > camera.size)).any(axis=-1).mean()
+        if outside > _OUTSIDE:
+            expected = f"pixels within the images of {camera.name}, {size_text(camera.size)}"
+            raise InvalidInputError(f"detections: expected {expected}, got {100 * outside:.0f} % outside")
+        middles.append(np.percentile(pixels, [1, 99], axis=0).mean(axis=0) / camera.size)
+    x, y = np.mean(middles or [[0.5, 0.5]], axis=0).tolist()
+    if max(x, y) < _UPPER_LEFT:
+        sentence = (
+            f"The middle of the detections is at {percent(x)} of the images' width and {percent(y)} of "
+        )
+        sentence += "their height. Are they from images of this size?"
+        warn(Finding("image_sizes_differ", numbers={"x": x, "y": y}, sentence=sentence))
 
 
 def _blank(intrinsics: Sequence[Intrinsics | Camera]) -> tuple[list[Camera], bool]:
@@ -308,11 +331,13 @@ def _in_world(
     stature, error = map(float, found["stature"])
     stature *= mean_size(points, layout) if len(everyone) > 1 else 1.0
     scale, scale_sigma = size.of(there, stature, error)
-    if size.ends is not None and scale * stature > 2000 * _TALLEST:
-        tall = f"people who are {scale * stature / 1000:,.0f} m tall"
-        raise InvalidInputError(f"distance: expected metres, got {size.apart}, which makes {tall}")
+    tall = scale * stature / 1000.0
+    if size.ends is not None and (tall > 2 * _TALLEST or tall < _SHORTEST / 2):
+        people = f"people who are {length(tall)} m tall"
+        raise InvalidInputError(f"distance: expected metres, got {size.apart}, which makes {people}")
     floor = find_floor(points, layout, stature) if math.isfinite(stature) else None
-    axes, origin = _world(floor, there[0])
+    first, centre = there[0], np.asarray(there[0].centre)
+    axes, origin = (first.R, centre) if floor is None else (upright(floor, centre), floor.middle)
     named = {names[i]: clock for i, clock in clocks.items()}
     in_world = [moved(camera, axes, origin, scale) for camera in there]
     joint_sigma = scale * float(found["joint_sigma"])
@@ -324,21 +349,13 @@ def _in_world(
     wrong = ["lenses"] if any(one.zoom != 1.0 for one in report) else []
     wide = [] if wrong or _are_small(there, points, scale, report, joint_sigma) else ["places"]
     every = (*still, *doubts, *wrong, *wide)  # of somebody who stands still, clocks say nothing
-    return RigCalibration(placed, report, scale_sigma, up_sigma, every, tuple(everyone))
+    return RigCalibration(placed, report, scale_sigma, up_sigma, every, tuple(found["people"]))
 
 
 def _joints(one: Array, cameras: CameraRig, clocks: Mapping[int, float], part: float) -> Array:
     """Return a person's joints in part of the frames of detections (T, M, N, D), (T', N, 3)."""
     times = np.linspace(0, len(one) - 1, math.ceil(len(one) * min(1.0, part))).astype(int)
     return triangulate(in_step(one, clocks)[times], cameras)
-
-
-def _world(floor: Floor | None, first: Camera) -> tuple[Array, Array]:
-    """Return axes (3, 3), rows, and origin of the world."""
-    centre = np.asarray(first.centre)
-    if floor is None:
-        return np.asarray(first.R), centre
-    return upright(floor, centre), floor.middle
 
 
 @dataclass(frozen=True)
@@ -354,6 +371,8 @@ class _Size:
         cls, stature: float | None, distance: tuple[str | int, str | int, float] | None, names: Sequence[str]
     ) -> _Size:
         """Return what the user gave, or raise an error that names the argument."""
+        if distance is not None and len(distance) != 3:
+            raise InvalidInputError(f"distance: expected two cameras and metres, got {distance}")
         lengths = (("stature", stature), ("distance", None if distance is None else distance[2]))
         for argument, metres in lengths:
             if metres is not None:
@@ -362,7 +381,7 @@ class _Size:
             raise InvalidInputError(f"stature: expected metres, {_SHORTEST} to {_TALLEST}, got {stature}")
         if distance is None:
             return cls(stature)
-        ends = [names[end] if isinstance(end, int) and end < len(names) else str(end) for end in distance[:2]]
+        ends = [names[i] if isinstance(i, int) and i in range(len(names)) else str(i) for i in distance[:2]]
         for end in ends:
             if end not in names or ends[0] == ends[1]:
                 raise InvalidInputError(f"distance: expected two of {', '.join(names)}, got {end}")
@@ -376,9 +395,7 @@ class _Size:
         if self.ends is not None:
             missing = [end for end in self.ends if end not in rig.names]
             if missing:
-                raise InvalidInputError(
-                    f"distance: {missing[0]} could not be placed: expected one of {rig.names}"
-                )
+                raise InvalidInputError(f"distance: expected cameras that were placed, got {missing[0]}")
             a, b = (np.asarray(rig[end].centre) for end in self.ends)
             return 1000.0 * self.apart / float(np.linalg.norm(a - b)), 0.0
         if not math.isfinite(shown):

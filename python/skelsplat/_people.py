@@ -148,10 +148,8 @@ def _find_contradictions(names: Sequence[str], shared: Index, alone: Index) -> I
     shares = [float(differ[i].sum() / (differ[i] + shared[i]).sum()) for i in named]
     shown = listed([f"{name} {percent(part)}" for name, part in zip(cameras, shares, strict=True)])
     sentence = f"Cameras contradict each other on where people are ({shown} of those two should share): a "
-    sentence += (
-        "calibration is wrong, or the videos are not synchronised. The same person may be found twice, "
-    )
-    sentence += "and some are chance agreements of two views. Check the cameras."
+    sentence += "calibration is wrong, or the videos are not synchronised. The same person may be found "
+    sentence += "twice, and some are chance agreements of two views. Check the cameras."
     numbers = {"shares": shares}
     yield Finding("cameras_contradict", "warning", Subject(cameras=cameras), numbers, sentence=sentence)
 

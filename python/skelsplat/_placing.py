@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from skelsplat import _skelsplat
-from skelsplat._arrays import Array, Index
+from skelsplat._arrays import Array, Index, take_people
 from skelsplat._skelsplat import Camera, Layout, RefineConfig
 from skelsplat._start import LEAST_JOINTS, Start, first_guess
 from skelsplat._who import GAP, first_frames, one_after_another, taken, told_by_lines, told_by_rig
@@ -73,7 +73,8 @@ class Task:
             cameras, found = self.adjusted(
                 everyone, first_frames(places), {i: (cameras[i], clocks[i]) for i in used}
             )
-        return everyone, start, cameras, found
+        everybody = [take_people(people, one) for one in places] if several else everyone
+        return everyone, start, cameras, found | {"people": everybody}
 
     def together(self, everyone: Sequence[Array]) -> Array:
         """Return the detections of everybody as those of one recording."""
@@ -93,9 +94,9 @@ class Task:
         if start is None:
             expected, got = f"at least {LEAST_JOINTS} joints that two views see in the same frames", "fewer"
             if several:
-                expected = "people whom two views see at the same time"
-                got = "none that can be told apart: film one person who walks about, or choose a person"
-            raise DegenerateGeometryError(f"detections: expected {expected}, got {got}")
+                expected, got = "people whom two views see at the same time", "none that can be told apart"
+            film = f"film one person who walks about{', or choose a person' * several}"
+            raise DegenerateGeometryError(f"detections: expected {expected}, got {got}: {film}")
         return start
 
     def adjusted(

@@ -66,11 +66,11 @@ def capitalised(text: str) -> str:
     return text[0].upper() + text[1:]
 
 
-def with_bar(value: float, sigma: float | None, sign: str = "") -> str:
+def with_bar(value: float, sigma: float | None, sign: str = "", most: int = 4) -> str:
     """Return a number with its error bar, to one or two of its digits: "143 ± 36"; without one, "143"."""
     if sigma is None or not math.isfinite(sigma):
         return f"{value:{sign},.1f}"
-    digits = min(4, max(0, -math.floor(math.log10(sigma / 3)))) if sigma > 0 else 1
+    digits = min(most, max(0, -math.floor(math.log10(sigma / 3)))) if sigma > 0 else 1
     shown = 0.0 if abs(value) < 0.5 * 10**-digits else value  # no −0
     return f"{shown:{sign},.{digits}f} ± {sigma:,.{digits}f}"
 

@@ -12,6 +12,7 @@ import skelsplat as sk
 from skelsplat import _calibrate, _skelsplat, synthetic
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.exceptions import DegenerateGeometryError, InvalidInputError
+from skelsplat.findings import FindingWarning
 from skelsplat.synthetic import DetectionNoise
 from sweeps import swept
 
@@ -195,12 +196,10 @@ def test_error_bars_hold_what_a_lens_that_may_be_wrong_would_change(zooms: tuple
 def test_lenses_of_other_images_are_doubted() -> None:
     def given(*factors: float) -> sk.RigCalibration:
         lenses = [
-            np.diag([factor, factor, 1.0]) @ np.asarray(one.K)
+            altered(one, K=np.diag([factor, factor, 1.0]) @ np.asarray(one.K))
             for one, factor in zip(RIG, factors, strict=True)
         ]
-        return sk.calibrate_cameras(
-            walk(), [altered(one, K=K) for one, K in zip(RIG, lenses, strict=True)], layout=LAYOUT
-        )
+        return sk.calibrate_cameras(walk(), lenses, layout=LAYOUT)
 
     for wrong in ((0.8,) * 4, (1.0, 1.0, 1.15, 1.0)):
         found = given(*wrong)
@@ -215,6 +214,12 @@ def test_lenses_of_other_images_are_doubted() -> None:
     poses, noise = roaming((20 + np.arange(FRAMES)) / FPS), DetectionNoise.recording(frame_rate=FPS)
     unlike = synthetic.simulate_detections(poses, other, noise=noise, layout=LAYOUT, seed=3)
     assert "lenses" in sk.calibrate_cameras(unlike, BLANK, layout=LAYOUT, same_focal=True).doubts
+
+
+def test_images_larger_than_those_of_the_detections_are_warned_of() -> None:
+    larger = [sk.Intrinsics((2 * one.size[0], 2 * one.size[1])) for one in RIG]
+    with pytest.warns(FindingWarning, match="from images of this size"):
+        sk.calibrate_cameras(walk(), larger, layout=LAYOUT)
 
 
 def test_two_cameras_in_one_place_are_doubted() -> None:
@@ -350,11 +355,17 @@ MIXED = [*list(RIG)[:3], BLANK[3]]
         ("fps", {"fps": 0}),
         ("same_focal", {"same_focal": True}),
         ("detections", {"detections": walk()[:, [0, 1, 1, 3]]}),
-        ("size", {"intrinsics": [sk.Intrinsics(size=(400, 300)) for _ in RIG]}),
+        ("detections", {"intrinsics": [sk.Intrinsics(size=(400, 300)) for _ in RIG]}),
+        ("detections", {"detections": np.where(walk() > 700, np.inf, walk())}),
+        ("size", {"intrinsics": [sk.Intrinsics(size=None) for _ in RIG]}),
+        ("intrinsics", {"intrinsics": [sk.Intrinsics(one.size, K=np.eye(3)) for one in RIG]}),
         ("distance", {"distance": ("nobody", 0, 2.0)}),
         ("distance", {"distance": (0, 1, 0.0)}),
         ("distance", {"distance": (1, 1, 2.0)}),
         ("distance", {"distance": (0, 1, 7500.0)}),
+        ("distance", {"distance": (0, 1, 0.01)}),
+        ("distance", {"distance": (0, 1)}),
+        ("distance", {"distance": (0, -9, 2.0)}),
     ],
 )
 def test_a_wrong_argument_is_named(argument: str, wrong: dict[str, object]) -> None:

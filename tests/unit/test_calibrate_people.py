@@ -44,6 +44,7 @@ def off(found: sk.RigCalibration) -> float:
 def test_two_people_who_cross_place_cameras_as_well_as_if_it_were_known_who_is_who() -> None:
     known, found = calibrated(one_after_another(list(scene().detections()))), calibrated(scene().people)
     assert found.sure
+    assert [len(person) for person in found.people] == [FRAMES] * 2
     assert off(found) <= 1.5 * off(known) + 0.003
     assert off(known) < 0.02
 

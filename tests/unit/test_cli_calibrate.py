@@ -145,7 +145,7 @@ def test_focal_lengths_and_sizes_from_what_the_folder_knows(room, tmp_path):
     assert rig[0].K[0, 0] == pytest.approx(RIG[0].K[0, 0], rel=0.03)
     focal = [camera.K[0, 0] for camera in rig]
     assert np.ptp(focal) < 0.012 * focal[0]  # of one make
-    assert "focal length" in result.stdout
+    assert "length [px]" in result.stdout
     videos = {name: Video(f"{name}.mp4", (800, 600), 25.0) for name in RIG.names}
     write_record(pose, Record({"backend": "own"}, "h36m17", videos=videos))
     assert_fails(invoke(*given, "--force", "--size", SIZE), 2, "--size: expected none or 800x600")
@@ -164,12 +164,9 @@ def test_a_recording_that_does_not_tell_is_refused_with_what_to_film(room, tmp_p
     assert "<dd>not written</dd>" in text
     assert "This recording does not tell where the cameras are" in text
     assert len(data_of(text)["scene"]["cameras"]) == 4
-    assert_fails(
-        invoke("calibrate", room / "still", "-o", out, *given), 1, "a.html: report: expected no file"
-    )
-    assert_fails(
-        invoke("calibrate", room / "still", "-o", out, "--report", "a.pdf"), 2, "as .html, got '.pdf'"
-    )
+    again = ("calibrate", room / "still", "-o", out)
+    assert_fails(invoke(*again, *given), 1, "a.html: report: expected no file")
+    assert_fails(invoke(*again, "--report", "a.pdf"), 2, "as .html, got '.pdf'")
 
 
 @pytest.mark.parametrize(
@@ -179,23 +176,13 @@ def test_a_recording_that_does_not_tell_is_refused_with_what_to_film(room, tmp_p
         ("nobody", ["--size", SIZE], 1, "nobody: detections: expected a person to find the cameras by, got"),
         ("short", ["--size", SIZE, "--without", "cam4"], 1, "short: detections: expected at least"),
         ("two", ["--size", SIZE], 2, "--intrinsics: expected K of both cameras, got none"),
-        (
-            "two",
-            ["--intrinsics", "zero.toml"],
-            1,
-            "zero.toml: K of camera 'cam1': expected positive focal lengths",
-        ),
+        ("two", ["--intrinsics", "zero.toml"], 1, "zero.toml: K of camera 'cam1': expected positive focal"),
         ("two", ["--intrinsics", "lenses.toml"], 1, "none for cam3, cam4"),
         ("late", ["--size", SIZE, "--clock"], 2, "--fps: expected the frame rate to find clocks, got none"),
-        ("late", ["--size", SIZE, "--order", "sorted"], 2, "--order: expected none without intrinsics"),
+        ("late", ["--size", SIZE, "--order", "sorted"], 2, "--order: expected none without --intrinsics"),
         ("late", ["--intrinsics", "lenses.toml", "--same-cameras"], 2, "--same-cameras: expected none with"),
         ("late", ["--size", SIZE, "--subject", "S1"], 2, "--subject: requires --intrinsics"),
-        (
-            "late",
-            ["--size", SIZE, "--person", "moves-most"],
-            2,
-            "--person: expected largest or an entry such as entry:0",
-        ),
+        ("late", ["--size", SIZE, "--person", "moves-most"], 2, "--person: expected largest or an entry"),
         ("late", ["--size", SIZE, "--distance", "cam1", "cam9", 2], 2, "--distance: expected a camera, one"),
     ],
 )

@@ -155,7 +155,7 @@ def _again(context: typer.Context, recorded: Recorded, *, several: bool) -> Iter
 
 def _print(found: Calibrated, output: Path, report: Path | None, again: list[str], console: Console) -> None:
     shown = of_calibrated(found)
-    heads = [head.replace(" [", "\n[") for head, _ in shown.columns]
+    heads = [head.replace(" ", "\n", 1) for head, _ in shown.columns]
     table = new_table(shown.title, heads[0], heads[1:])
     for row in shown.rows:
         table.add_row(*row)

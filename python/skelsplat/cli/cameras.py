@@ -214,9 +214,9 @@ def _print_written(found: AdjustedCameras, output: Path) -> None:
         say(f"{output} was not written.")
     else:
         say(f"Wrote {len(found.cameras)} cameras to {output}, lengths in {found.cameras.unit}.")
-    if found.cameras.clocks:
+    if found.changed and found.cameras.clocks:
         say("The clocks hold for what was recorded here; commands that read the file apply them.")
-    elif found.session.shared is None:
+    elif found.session.shared is None and not found.cameras.clocks:
         for name, offsets in found.session.offsets.items():
             words = " ".join(f"--offset {camera}={frames}" for camera, frames in offsets.items() if frames)
             say(f"Clocks of {name}: {words or 'in step'}")

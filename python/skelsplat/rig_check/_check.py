@@ -248,12 +248,17 @@ def _check_recording(causes: Sequence[Finding], corrected: Scene) -> Finding | N
 
 def _check_geometry(rig: sk.CameraRig) -> list[Finding]:
     """Return findings on lenses, on cameras in one place, and on cameras that look away from the others."""
-    narrowest = min(_VIEW_DEG[0], float(np.median([_view(camera) for camera in rig])) / _LIKE_OTHERS)
-    findings = [one for i in range(len(rig)) for one in _lens(rig.names[i], rig[i], narrowest)]
+    findings = unusual_lenses(rig)
     if len(rig) < 2:
         return findings
     centres = np.stack([camera.centre for camera in rig])
     return [*findings, *_same_place(rig.names, centres), *_directions(rig, centres)]
+
+
+def unusual_lenses(rig: sk.CameraRig) -> list[Finding]:
+    """Return findings on lenses that hardly any camera has for its image size."""
+    narrowest = min(_VIEW_DEG[0], float(np.median([_view(camera) for camera in rig])) / _LIKE_OTHERS)
+    return [one for i in range(len(rig)) for one in _lens(rig.names[i], rig[i], narrowest)]
 
 
 def _view(camera: sk.Camera) -> float:

@@ -87,10 +87,8 @@ def find_lengths(
         words = f"Limb lengths vary by up to {percent(relative)} over the recording, which is impossible for "
         words += f"one body. {a} to {b} is {first} to {last} mm long (5th to 95th percentile), and "
         words += f"{percent(share)} of the lengths of arms and legs deviate by more than scatter explains. "
-        words += (
-            "Either the views show different people, or most views are wrong about these joints, or they "
-        )
-        words += "are no bone."
+        words += "Either the views show different people, or most views are wrong about these joints, or "
+        words += "they are no bone."
         numbers = {"relative_range": relative, "range_mm": ends, "off_share": share}
         yield Finding("limb_lengths_vary", "warning", Subject(joints=(a, b)), numbers, sentence=words)
 

@@ -22,7 +22,7 @@ from skelsplat.findings import Finding, collected_warnings, warn
 from skelsplat.io.detections import Opened as Detections
 from skelsplat.io.detections import camera_called, camera_labels, cameras_called
 from skelsplat.io.video import find_videos, open_source
-from skelsplat.rig_check import ReadAs
+from skelsplat.rig_check import ReadAs, unusual_lenses
 from skelsplat.run.adjusted import offset_of
 from skelsplat.run.calibrate_findings import of_calibration, of_moved
 from skelsplat.run.cameras import warn_of_place
@@ -348,6 +348,8 @@ def _with_lenses(
             raise
         read["unit"] = "mm"  # of places, which are ignored
     opened = open_recording(intrinsics, detections, read=read, without=without, **given)
+    for finding in unusual_lenses(opened.rig):
+        warn(finding)
     renamed = bool(without or given.get("order"))
     return _Recording(detections, opened.detections, tuple(opened.rig), renamed)
 
@@ -363,7 +365,7 @@ def _named(
 ) -> _Recording:
     """Open a recording whose cameras have the names that the detections have."""
     if order is not None:
-        raise InvalidInputError("order: expected none without intrinsics, which have the cameras' names")
+        raise InvalidInputError("order: expected none without intrinsics=, which has the cameras' names")
     labels = camera_labels(detections, format=given.get("format"), sequence=given.get("sequence"))
     left_out = cameras_called(without, list(labels), "without")
     if len(labels) - len(left_out) < 2:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._words import percent, with_bar
+from skelsplat._words import number, percent
 from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.rig_check import ReadAs
 from skelsplat.run.adjusted import late, offset_of
@@ -20,19 +20,17 @@ _FILM = (
 
 
 def of_moved(found: sk.RigCalibration, times: Sequence[tuple[int, str]]) -> Iterator[Finding]:
-    """Name cameras that were moved while they recorded, in frames of these numbers and recordings."""
+    """Name cameras in step that were moved while they recorded, in frames of these numbers and recordings."""
     several = len({name for _, name in times}) > 1
     for one in found.report:
-        if one.span is None:
+        if one.span is None or "clocks" in found.doubts:
             continue
         first, end = one.span
         frame, name = times[first or end]
         of = f" of {name}" if several else ""
         part = "from there on" if first else "before"
-        sentence = (
-            f"{one.name} was moved while it recorded, about frame {frame}{of}. It is placed where it was "
-        )
-        sentence += f"{part}: the other part needs a calibration of its own."
+        sentence = f"{one.name} was moved while it recorded, about frame {frame}{of}. It is placed where it "
+        sentence += f"was {part}: the other part needs a calibration of its own."
         share = {"since": frame, "part": "after" if first else "before"}
         subject = Subject((one.name,), frames=(frame,))
         yield Finding("camera_moved", "warning", subject, share, sentence=sentence)
@@ -43,7 +41,9 @@ def of_calibration(found: sk.RigCalibration, clock: bool) -> Iterator[Finding]:
 
     Whether clocks were looked for, which otherwise is a remedy.
     """
+    usual = np.nanmedian([one.explained for one in found.report])
     for i, one in enumerate(found.report):
+        subject = Subject((one.name,))
         if found.sure and not clock and offset_of(one, ReadAs()):
             yield late({"camera": one.name, "clock_frames": one.clock, "clock_sigma_frames": one.clock_sigma})
         if one.status == "left_out":
@@ -53,18 +53,12 @@ def of_calibration(found: sk.RigCalibration, clock: bool) -> Iterator[Finding]:
             known = {name: float(value) if np.isfinite(value) else None for name, value in numbers.items()}
             seen = any(np.isfinite(person[:, i]).any() for person in found.people)
             remedy = (Remedy("clock", True),) if seen and not clock else ()
-            yield Finding("camera_left_out", "warning", Subject((one.name,)), known, remedy, sentence=words)
-        elif found.sure and one.explained < _AGREES * np.nanmedian(
-            [other.explained for other in found.report]
-        ):
-            words = (
-                f"{one.name} agrees with the others in only {percent(one.explained)} of its detections. Was "
-            )
-            words += "it moved while it recorded, is its image mirrored, or does it see somebody else?"
+            yield Finding("camera_left_out", "warning", subject, known, remedy, sentence=words)
+        elif found.sure and one.explained < _AGREES * usual:
+            words = f"{one.name} agrees with the others in only {percent(one.explained)} of its detections. "
+            words += "Was it moved while it recorded, is its image mirrored, or does it see somebody else?"
             numbers, remedy = {"explained": one.explained}, (Remedy("without", one.name),)
-            yield Finding(
-                "camera_disagrees", "warning", Subject((one.name,)), numbers, remedy, sentence=words
-            )
+            yield Finding("camera_disagrees", "warning", subject, numbers, remedy, sentence=words)
     if not found.sure:
         yield _unsure(found, clock)
 
@@ -77,7 +71,7 @@ def _unsure(found: sk.RigCalibration, clock: bool) -> Finding:
     unknown = np.isfinite([one.focal_sigma for one in placed]).any()
     stated = "the same for all" if unknown else "those given"
     lenses = "; giving the lenses helps, or stating that all are the same" if unknown else ""
-    bars = f"one may be off by {with_bar(turn, None)}° or {place:,.0f} mm"
+    bars = f"one may be off by {number(turn)}° or {place:,.0f} mm" if turn < 90.0 else "they may be anywhere"
     why = {
         "clocks": "the cameras are out of step. Find their clocks as well",
         "periodic": f"several clocks fit, because the motion repeats itself. {_FILM}, or clap once",

@@ -84,7 +84,8 @@ def page_of(found: Calibrated, facts: Sequence[tuple[str, str]]) -> page.ReportD
     """Return what the page shows; ``facts`` are further names and values for its head."""
     names = [one.name for one in found.found.report]
     recordings = listed([one.path.name for one in found.recordings])
-    pairs = Pairs.of(found)
+    pairs, report = Pairs.of(found), found.found.report
+    covariances = np.stack([one.place_covariance for one in report if one.status == "placed"])
     return page.ReportData(
         title=f"SkelSplat: cameras found from {recordings}",
         facts=[*_facts(found), *facts, ("skelsplat", sk.__version__)],
@@ -94,7 +95,7 @@ def page_of(found: Calibrated, facts: Sequence[tuple[str, str]]) -> page.ReportD
         problems=None,
         heading="The cameras in 3D",
         sequence=_sequence(found),
-        shapes=camera_shapes(found.found.cameras, _covariances(found)),
+        shapes=camera_shapes(found.found.cameras, covariances),
         tables=shown(tables.of_calibrated(found)),
         lines=[],
         heat=page.HeatMap(
@@ -111,10 +112,6 @@ def page_of(found: Calibrated, facts: Sequence[tuple[str, str]]) -> page.ReportD
     )
 
 
-def _covariances(found: Calibrated) -> Array:
-    return np.stack([one.place_covariance for one in found.found.report if one.status == "placed"])
-
-
 def _facts(found: Calibrated) -> Iterator[tuple[str, str]]:
     yield "detections", ", ".join(str(one.path) for one in found.recordings)
     yield "layout", f"{found.layout.name}, {len(found.layout.joints)} joints"
@@ -128,9 +125,7 @@ def _numbers(found: Calibrated) -> Iterator[tuple[str, str, str]]:
     placed = [one for one in result.report if one.status == "placed"]
     left = [one.name for one in result.report if one.status != "placed"]
     turn, place = (max(getattr(one, name) for one in placed) for name in ("turn_sigma", "place_sigma"))
-    verdict = (
-        "the recording tells their places" if result.sure else "the recording does not tell their places"
-    )
+    verdict = f"the recording {'tells' if result.sure else 'does not tell'} their places"
     remark = f"without {listed(left)}; {verdict}" if left else verdict
     yield "cameras placed", f"{len(placed)} of {len(result.report)}", remark
     yield "largest turn ±", f"{length(turn)}°", "above 3° nothing is written"
@@ -138,11 +133,7 @@ def _numbers(found: Calibrated) -> Iterator[tuple[str, str, str]]:
     yield ("joints ±", f"{length(result.cameras.joint_sigma)} mm", "by the cameras, in error bars of poses")
     yield "lengths ±", f"{number(100 * result.scale_sigma)}%", _SCALES[found.scale]
     known = np.isfinite(result.up_sigma)
-    up = (
-        "standard error of the vertical, z"
-        if known
-        else "nobody stands, or the layout lacks ankles, shoulders or a head: z is not up"
-    )
+    up = "standard error of the vertical, z" if known else "z is not up: nobody was seen to stand"
     yield "up ±", f"{number(result.up_sigma)}°" if known else "–", up
 
 

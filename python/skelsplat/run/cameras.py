@@ -213,10 +213,8 @@ def adjust_cameras(
 
 def _trusted(chosen: Sequence[str], rig: sk.CameraRig) -> Finding:
     """Return the finding on cameras that are taken as right, because half or more are named as moved."""
-    sentence = (
-        f"{len(chosen)} of {len(rig)} cameras are named as moved. The others are taken as right: unless "
-    )
-    sentence += "they are more than half of all, the recording hardly shows if one is wrong."
+    sentence = f"{len(chosen)} of {len(rig)} cameras are named as moved. The others are taken as right: "
+    sentence += "unless they are more than half of all, the recording hardly shows if one is wrong."
     numbers = {"moved": len(chosen), "of": len(rig)}
     return Finding("cameras_trusted", "warning", Subject(tuple(chosen)), numbers, sentence=sentence)
 

@@ -171,10 +171,8 @@ def _cameras(inputs: Inputs, statistics: Statistics, outcome: Outcome) -> Iterat
     sides = {names[i]: shift_of(names, shifts, i, rest if i == worst[0] else ()) for i in worst}
     apart = [*find_apart(inputs.rig, statistics, {*displaced, *unfit})]
     if (unfit or apart) and inputs.layout.name == layouts.MEDIAPIPE33.name:
-        words = (
-            "MediaPipe detects one person per image. If several are in view, it may follow another one in "
-        )
-        words += "each camera, so that cameras look wrong that are not: use a detector of several people, "
+        words = "MediaPipe detects one person per image. If several are in view, it may follow another one "
+        words += "in each camera, so that cameras look wrong that are not: use a detector of several people, "
         words += "such as rtmlib."
         yield Finding("detector_of_one_person", "warning", sentence=words)
     yield from _find_unfit(names, unfit)

@@ -186,10 +186,8 @@ def _note_clocks(path: Path, rig: sk.CameraRig, given: Collection[str]) -> None:
     taken = {name: rounded(clock) for name, clock in rig.clocks.items() if name not in named}
     if taken:
         each = ", ".join(f"{name} {clock:+g}" for name, clock in taken.items())
-        words = (
-            f"The clocks of {path.name} were applied to the cameras' frame numbers ({each}). They hold for "
-        )
-        words += "recordings whose cameras were started together with those; given offsets replace them."
+        words = f"The clocks of {path.name} were applied to the cameras' frame numbers ({each}). They hold "
+        words += "for recordings whose cameras were started together with those; given offsets replace them."
         warn(Finding("clocks_applied", "note", Subject(tuple(taken)), taken, sentence=words))
 
 

@@ -81,7 +81,7 @@ _OF_CALIBRATED: _Columns = (
 )
 _FOCAL: _Columns = (("focal length [px]", "± one standard deviation", lambda one: _barred(one, "focal_px")),)
 _CLOCK: _Columns = (
-    ("clock [frames]", "ahead of the first camera's", lambda one: _barred(one, "clock_frames", "+")),
+    ("clock [frames]", "ahead of the first camera's", lambda one: _barred(one, "clock_frames", "+", 2)),
 )
 _OF_PEOPLE = (
     ("person", ""),
@@ -137,10 +137,10 @@ def of_calibrated(found: Calibrated) -> Table:
     return Table("Cameras", _heads("camera", columns), rows)
 
 
-def _barred(one: Mapping[str, Any], name: str, sign: str = "") -> str:
+def _barred(one: Mapping[str, Any], name: str, sign: str = "", most: int = 4) -> str:
     """Return a camera's number with its error bar; a dash for what was not looked for."""
     sigma = one[name.replace("_", "_sigma_")]
-    return with_bar(one[name], sigma, sign) if sigma else "–"
+    return with_bar(one[name], sigma, sign, most) if sigma else "–"
 
 
 def _measured(value: float, sigma: float | None, usual: float = 0.0, scale: float = 1.0) -> str:
