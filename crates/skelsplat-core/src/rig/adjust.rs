@@ -4,14 +4,13 @@ mod changes;
 
 use nalgebra::Vector3;
 
-use self::changes::Changes;
 use super::bundle::unknowns;
 use super::calibrate::{Filmed, check_filmed};
 use super::evidence::{ALIKE, Bars, bars, is_worse, total, wald};
 use super::placed::{Change, Freedom, Placed, rebuilt};
 use super::prior::CALIBRATED;
 use super::reduced::Reduced;
-use super::report::{CameraAdjustment, CameraStatus, RigAdjustment};
+use super::report::{CameraAdjustment, CameraStatus, Changes, RigAdjustment};
 use super::scene::{JointMotion, Scene, spread};
 use super::search::{CONFIRMED_WALD, Explanation, Fault, Scope, SearchResult, Supposed, both};
 use crate::batch::Progress;
@@ -187,9 +186,12 @@ impl Task<'_> {
     fn holds(&self, rig: &Explanation) -> bool {
         let (before, after) = (self.left_out(self.given), self.left_out(&rig.cameras));
         let free = unknowns(&rig.freedom);
+        let scope = self.scope(&self.fitted);
+        let sigma = scope.sigma(&rig.cameras);
         let holds = |(i, freedom): (usize, &Freedom)| {
             let change = Change::between(&self.given[i], &rig.cameras[i]);
-            let sure = wald(&rig.judged, &free, i, *freedom, &change);
+            let shared = scope.shared_turn(&rig.cameras, i, sigma);
+            let sure = wald(&rig.judged, &free, i, *freedom, &change, shared);
             let others = (0..after.len()).filter(|k| *k != i).map(|k| after[k]);
             let size = self.given[i].camera.size().map(f64::from);
             let poor = POOR * size[0].hypot(size[1]);
@@ -258,7 +260,8 @@ impl Task<'_> {
         let mut rig = self.settle(scope, rig.cameras, freedom.clone());
         let free = unknowns(&freedom);
         for (i, _) in freedom.iter().enumerate().filter(|(_, freedom)| freedom.any()) {
-            all[i] = bars(&rig.judged.steady, &free, i);
+            let shared = scope.shared_turn(&rig.cameras, i, scope.sigma(&rig.cameras));
+            all[i] = bars(&rig.judged.steady, &free, i).sharing(shared);
         }
         for i in 0..freedom.len() {
             rig = self.simplified(scope, rig, i)?;

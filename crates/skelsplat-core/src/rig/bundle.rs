@@ -136,7 +136,7 @@ impl Bundle<'_> {
         let Cells { equations, moves, follow } = self.cells(sigma);
         let mut sum = Reduced::sum(&summed(&equations));
         let reach = self.reach();
-        let prior = self.prior(sigma, &reach);
+        let prior = self.lenses.precision(&free, sigma / PER_NOISE, &reach);
         let changes: Vec<Change> = (0..self.cameras.len())
             .map(|i| Change::between(&self.given[i], &self.cameras[i]))
             .collect();
@@ -371,7 +371,8 @@ impl Bundle<'_> {
         let Cells { equations: cells, .. } = self.cells(sigma);
         let clusters = summed(&cells);
         let costs: Vec<f64> = clusters.iter().map(|cluster| cluster.cost).collect();
-        let prior = self.prior(sigma, &self.reach());
+        let noise = sigma / PER_NOISE;
+        let prior = self.lenses.precision(&unknowns(&self.freedom), noise, &self.reach());
         let q = prior.nrows();
         let mut whole = prior.clone();
         clusters.iter().for_each(|cluster| whole += &cluster.matrix);
@@ -379,10 +380,9 @@ impl Bundle<'_> {
         let (Some(of_joints), Some(inverse)) = (of_joints, whole.clone().try_inverse()) else {
             return Judged::unknown(costs, q);
         };
-        let noise = (sigma / PER_NOISE).powi(2);
         let jackknife = of_joints + lasting(&whole, &cells);
         let even = (&whole * &jackknife).trace() / (q as f64 - (&inverse * &prior).trace());
-        let held = &inverse * prior * &inverse * noise;
+        let held = &inverse * prior * &inverse * noise.powi(2);
         let [all, curved] = Reduced::sum(&clusters).weights;
         let curve = (curved / all).max(LEAST_CURVED);
         Judged {

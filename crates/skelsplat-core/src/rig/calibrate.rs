@@ -10,7 +10,7 @@ use nalgebra::DVector;
 use self::fit::Fit;
 use self::stature::stature_of;
 use super::bundle::PER_NOISE;
-use super::evidence::Bars;
+use super::evidence::{Bars, shared_turn};
 use super::gauge::{Sureness, Zooms};
 use super::lenses::{FOCAL_SIGMA, LensPosterior, alike};
 use super::placed::{Freedom, Placed, rebuilt};
@@ -25,16 +25,14 @@ use crate::layout::Layout;
 use crate::refine::RefineConfig;
 use crate::threads;
 
+/// Frames by which the rig is judged.
+const COMPARED: usize = 150;
 /// Most frames on which the rig is adjusted at first.
 const FEW: usize = 80;
 /// Most frames on which it is adjusted in the end.
 const MANY: usize = 300;
 /// The first kernels are so many times wider.
 const WIDER: f64 = 8.0;
-/// What all detections of a view are off by, in multiples of the noise: no recording tells it from
-/// a turn of the camera. Hourglass detections on Human3.6M: 0.14 between views, 0.3 with what all
-/// views share.
-const SHARED: f64 = 0.3;
 /// How far the principal point of an unknown lens may be from the middle of the image, relative to
 /// its longer side: another turn as well.
 const OFF_CENTRE: f64 = 0.012;
@@ -388,16 +386,16 @@ impl Task<'_> {
         RigCalibration { cameras, stature, joint_sigma, moved: None }
     }
 
-    /// By how much cameras may be turned so that all their detections are off alike, rad. Of the
-    /// 2 m coordinates of a joint, three place it, so that distances from it are less than the
-    /// noise.
+    /// By how much cameras may be turned so that all their detections are off alike, rad.
     fn turns(&self, cameras: &[Placed], fit: &Fit) -> Vec<f64> {
-        let seen = 2.0 * cameras.len() as f64;
-        let noise = fit.noise * (seen / (seen - 3.0)).sqrt();
         let turn = |(placed, reach): (&Placed, f64)| {
             let [width, height] = placed.camera.size().map(f64::from);
             let off = OFF_CENTRE * width.max(height) / placed.camera.focal()[0];
-            (SHARED * noise / reach).hypot(if self.unknown.focal { off } else { 0.0 })
+            shared_turn(fit.noise, reach, cameras.len()).hypot(if self.unknown.focal {
+                off
+            } else {
+                0.0
+            })
         };
         cameras.iter().zip(fit.reach(cameras)).map(turn).collect()
     }
@@ -409,5 +407,14 @@ impl Task<'_> {
         let still = vec![Freedom::default(); views.len()];
         let bundle = scope.bundle(rig.cameras.clone(), still, fit.points.clone());
         known.joints(&bundle.follows(PER_NOISE * fit.noise))
+    }
+
+    /// How well a rig fits.
+    fn fit(&self, views: &[usize], cameras: &[Placed]) -> Fit {
+        let seen = self.of_views(views);
+        let chosen = self.shared(&seen, cameras, COMPARED);
+        let scene = Scene::new(&seen);
+        let noise = self.scope(scene, &chosen, cameras).sigma(cameras) / PER_NOISE;
+        Fit::of(scene, chosen, noise, cameras)
     }
 }

@@ -135,7 +135,7 @@ impl Scope<'_> {
     /// The Wald statistic of a clock's offset: see [`wald`].
     pub fn clock_wald(&self, rig: &Explanation, view: usize) -> f64 {
         let change = Change::between(&self.given[view], &rig.cameras[view]);
-        wald(&rig.judged, &unknowns(&rig.freedom), view, Freedom::CLOCK, &change)
+        wald(&rig.judged, &unknowns(&rig.freedom), view, Freedom::CLOCK, &change, 0.0)
     }
 
     /// The most frames by which a clock may be off.

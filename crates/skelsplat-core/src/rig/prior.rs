@@ -2,7 +2,6 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::bundle::{Bundle, PER_NOISE, unknowns};
 use super::placed::{RADIAL, ZOOM};
 
 /// Standard deviation of the prior of a turn, rad.
@@ -33,17 +32,14 @@ impl Lenses {
         let variance = covariance[(0, 0)];
         Self { sigma: variance.sqrt(), alike: Some(covariance / variance) }
     }
-}
 
-impl Bundle<'_> {
-    /// Precision of the prior of all unknowns.
-    pub(super) fn prior(&self, sigma: f64, reach: &[f64]) -> DMatrix<f64> {
-        let free = unknowns(&self.freedom);
-        let noise = sigma / PER_NOISE;
-        let even = |(i, k): &(usize, usize)| (noise / self.prior_sigma(*k, reach[*i])).powi(2);
+    /// Precision of the prior of unknowns, camera and parameter, in units of the noise of a
+    /// detection; `reach` is how far each camera is from the joints.
+    pub fn precision(&self, free: &[(usize, usize)], noise: f64, reach: &[f64]) -> DMatrix<f64> {
+        let even = |(i, k): &(usize, usize)| (noise / self.sigma_of(*k, reach[*i])).powi(2);
         let mut prior =
             DMatrix::from_diagonal(&DVector::from_iterator(free.len(), free.iter().map(even)));
-        let Some(alike) = &self.lenses.alike else { return prior };
+        let Some(alike) = &self.alike else { return prior };
         for lens in [ZOOM, RADIAL] {
             let own: Vec<usize> = (0..free.len()).filter(|q| free[*q].1 == lens).collect();
             let of = |a: usize| free[own[a]].0;
@@ -58,11 +54,11 @@ impl Bundle<'_> {
     }
 
     /// Standard deviation of the prior of a parameter of a camera at this distance.
-    pub(super) fn prior_sigma(&self, k: usize, reach: f64) -> f64 {
+    pub fn sigma_of(&self, k: usize, reach: f64) -> f64 {
         match k {
             0..3 => PRIOR_TURN,
             3..6 => PRIOR_SHIFT * reach,
-            ZOOM => self.lenses.sigma,
+            ZOOM => self.sigma,
             RADIAL => PRIOR_RADIAL,
             _ => PRIOR_CLOCK,
         }

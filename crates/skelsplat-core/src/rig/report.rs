@@ -65,3 +65,18 @@ pub struct RigAdjustment {
     /// Number of frames on which they were adjusted and judged.
     pub frames: [usize; 2],
 }
+
+/// A camera that is another from a time on.
+#[derive(Debug, Clone)]
+pub struct Changes {
+    /// Its view.
+    pub view: usize,
+    /// The time.
+    pub since: usize,
+    /// What it is.
+    pub status: CameraStatus,
+    /// By how much it changes.
+    pub change: Change,
+    /// Of the change, if known.
+    pub bars: Option<Bars>,
+}

@@ -11,7 +11,7 @@
 use nalgebra::Vector3;
 
 use super::bundle::{Bundle, PER_NOISE, unknowns};
-use super::evidence::{Bars, bars, is_worse, odds_changed, total, wald};
+use super::evidence::{Bars, bars, is_worse, odds_changed, shared_turn, total, wald};
 use super::placed::{CLOCK, Change, Freedom, Placed};
 use super::prior::Lenses;
 use super::reduced::Judged;
@@ -203,7 +203,8 @@ impl Scope<'_> {
             learn(&mut bars[view], fault, &known);
             let is_place = !supposed.is_clock();
             if is_place
-                && (self.explains_much(&still, &supposed) || full && self.is_fault(&supposed))
+                && (self.explains_much(&still, &supposed, sigma)
+                    || full && self.is_fault(&supposed))
             {
                 more.push(supposed);
             }
@@ -334,13 +335,21 @@ impl Scope<'_> {
             return None;
         }
         let unknowns = unknowns(&explained.freedom);
-        let bars = bars(&explained.judged.steady, &unknowns, view);
-        let bundle = self.bundle(rig.cameras.clone(), Vec::new(), points);
-        let reach = bundle.reach()[view];
-        let prior_sigma = |k| bundle.prior_sigma(k, reach);
+        let shared = self.shared_turn(&rig.cameras, view, sigma);
+        let bars = bars(&explained.judged.steady, &unknowns, view).sharing(shared);
+        let reach = self.bundle(rig.cameras.clone(), Vec::new(), points).reach()[view];
+        let prior_sigma = |k| self.lenses.sigma_of(k, reach);
         let judged = [&rig.judged, &explained.judged];
-        let odds = odds_changed(judged, &unknowns, view, kind, prior_sigma);
+        let change = Change::between(&rig.cameras[view], &explained.cameras[view]);
+        let odds = odds_changed(judged, &unknowns, view, kind, &change, shared, prior_sigma);
         Some(Supposed { view, fault, rig: explained, bars, odds })
+    }
+
+    /// By how much a camera seems to be turned as its detections share an error.
+    pub fn shared_turn(&self, cameras: &[Placed], view: usize, sigma: f64) -> f64 {
+        let points = self.scene.points(self.frames, cameras, |_| true);
+        let reach = self.bundle(cameras.to_vec(), Vec::new(), points).reach()[view];
+        shared_turn(sigma / PER_NOISE, reach, cameras.len())
     }
 
     /// One camera placed by joints that the others place.
@@ -374,13 +383,14 @@ impl Scope<'_> {
     }
 
     /// Whether a change of a place explains much of what a camera costs, and joints agree on it.
-    fn explains_much(&self, rig: &Explanation, supposed: &Supposed) -> bool {
+    fn explains_much(&self, rig: &Explanation, supposed: &Supposed, sigma: f64) -> bool {
         let Supposed { view, rig: changed, .. } = supposed;
         let [before, after] = [rig, changed].map(|rig| total(&rig.judged.costs));
         let change = Change::between(&rig.cameras[*view], &changed.cameras[*view]);
         let (free, of) = (unknowns(&changed.freedom), changed.freedom[*view]);
+        let shared = self.shared_turn(&rig.cameras, *view, sigma);
         self.given.len() as f64 * (before - after) > DOUBTFUL_GAIN * before
-            && wald(&changed.judged, &free, *view, of, &change) > FAULT_WALD
+            && wald(&changed.judged, &free, *view, of, &change, shared) > FAULT_WALD
     }
 
     /// Whether a change is more than chance; of clocks, chance is judged when all are known.

@@ -4,22 +4,11 @@ use super::{JUDGED, SEARCHED, Task};
 use crate::batch::Progress;
 use crate::error::Result;
 use crate::rig::calibrate::knocked::moved_camera;
-use crate::rig::evidence::Bars;
 use crate::rig::placed::{Change, Freedom};
-use crate::rig::report::CameraStatus;
+use crate::rig::report::{CameraStatus, Changes};
 use crate::rig::scene::spread;
 use crate::rig::search::{Fault, SearchResult, Supposed};
 use crate::rig::unsteady::ClockChange;
-
-/// A camera that is another from a time on.
-pub(super) struct Changes {
-    pub(super) view: usize,
-    pub(super) since: usize,
-    pub(super) status: CameraStatus,
-    pub(super) change: Change,
-    /// Of the change, if known.
-    pub(super) bars: Option<Bars>,
-}
 
 impl Task<'_> {
     /// The camera whose clock changes while it records.

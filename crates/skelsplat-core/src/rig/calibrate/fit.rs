@@ -2,16 +2,12 @@
 
 use nalgebra::Vector3;
 
-use super::Task;
-use crate::rig::bundle::PER_NOISE;
 use crate::rig::evidence::ALIKE;
 use crate::rig::placed::Placed;
 use crate::rig::scene::Scene;
 use crate::rig::search::LEAST;
 use crate::statistics::median;
 
-/// Frames by which the rig is judged.
-const COMPARED: usize = 150;
 /// A camera belongs to the rig if the others explain this part of its detections.
 const EXPLAINED: f64 = 0.5;
 /// Distances explained by noise, in multiples of it.
@@ -38,6 +34,23 @@ pub(super) struct CameraFit {
 }
 
 impl Fit {
+    /// Of cameras to the detections of these frames.
+    pub(super) fn of(scene: Scene<'_>, frames: Vec<usize>, noise: f64, cameras: &[Placed]) -> Self {
+        let points = scene.points(&frames, cameras, |_| true);
+        let of_camera = |(i, camera): (usize, &Placed)| {
+            let off = scene.distances(&frames, &points, i, camera);
+            let near = off.iter().filter(|(px, mm)| px * mm < WITHIN * noise).count();
+            let explained = if off.len() < LEAST { 0.0 } else { near as f64 / off.len() as f64 };
+            CameraFit {
+                distance: median(off.iter().map(|(px, _)| *px)),
+                at_joints: median(off.iter().map(|(px, mm)| px * mm)),
+                explained,
+            }
+        };
+        let of_cameras = cameras.iter().enumerate().map(of_camera).collect();
+        Self { frames, points, noise, of_cameras }
+    }
+
     /// Distance of each camera from the joints.
     pub(super) fn reach(&self, cameras: &[Placed]) -> Vec<f64> {
         let known: Vec<_> = self.points.iter().filter(|x| x.x.is_finite()).collect();
@@ -61,28 +74,5 @@ impl Fit {
             true => Some(least),
             false => farthest.filter(|i| against(*i) > ALIKE),
         }
-    }
-}
-
-impl Task<'_> {
-    /// How well a rig fits.
-    pub(super) fn fit(&self, views: &[usize], cameras: &[Placed]) -> Fit {
-        let seen = self.of_views(views);
-        let chosen = self.shared(&seen, cameras, COMPARED);
-        let scene = Scene::new(&seen);
-        let noise = self.scope(scene, &chosen, cameras).sigma(cameras) / PER_NOISE;
-        let points = scene.points(&chosen, cameras, |_| true);
-        let of_camera = |(i, camera): (usize, &Placed)| {
-            let off = scene.distances(&chosen, &points, i, camera);
-            let near = off.iter().filter(|(px, mm)| px * mm < WITHIN * noise).count();
-            let explained = if off.len() < LEAST { 0.0 } else { near as f64 / off.len() as f64 };
-            CameraFit {
-                distance: median(off.iter().map(|(px, _)| *px)),
-                at_joints: median(off.iter().map(|(px, mm)| px * mm)),
-                explained,
-            }
-        };
-        let of_cameras = cameras.iter().enumerate().map(of_camera).collect();
-        Fit { frames: chosen, points, noise, of_cameras }
     }
 }
