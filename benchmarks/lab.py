@@ -82,11 +82,6 @@ def show(table: Table) -> None:
     sys.stdout.flush()
 
 
-def about(**conditions: object) -> str:
-    """Return the conditions of a measurement as a note."""
-    return " · ".join(f"{name} {value}" for name, value in conditions.items())
-
-
 def wanted(title: str, rows: dict[str, tuple[str, str]]) -> Table:
     """Return the table of figures and their targets."""
     return Table.of(title, "what", {name: {"measured": a, "wanted": b} for name, (a, b) in rows.items()})
