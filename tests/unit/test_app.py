@@ -13,6 +13,7 @@ import time
 import zipfile
 from pathlib import Path
 from types import SimpleNamespace
+from urllib.request import Request, urlopen
 
 import numpy as np
 import pytest
@@ -249,6 +250,12 @@ def ask(server, method, path, host=None, **headers):
     answer.read()
     connection.close()
     return answer.status
+
+
+def test_a_page_is_there_before_its_recording_was_looked_at(server):
+    address = f"http://127.0.0.1:{server.port}/recording?at=walk"
+    with urlopen(Request(address, headers={"Cookie": server.cookie}), timeout=30) as answer:
+        assert "Looking at the folder" in answer.read().decode()
 
 
 def test_only_this_machine_and_only_our_own_page_are_answered(server):

@@ -15,10 +15,10 @@ from rich.table import Column, Table
 
 from command_line import ROOT, commands, invoke, succeed
 from skelsplat import synthetic
-from skelsplat.cli.output import options, quieter, tell
+from skelsplat.cli.output import quieter, tell
 from skelsplat.cli.table import new_table, print_parts, print_table
 from skelsplat.datasets.synthetic import write_simulated
-from skelsplat.findings import Finding, Remedy
+from skelsplat.findings import Finding
 from sweeps import swept
 
 COMMANDS = {path: {opt for own in command.params for opt in own.opts} for path, command in commands(ROOT)}
@@ -148,26 +148,6 @@ def test_a_finding_begins_with_its_severity(capsys):
     tell(finding, "person 1: ")
     said = ["error: words"] * 2 + ["warning: words"] * 2 + ["note: words", "note: person 1: words"]
     assert capsys.readouterr().err.splitlines() == said
-
-
-@pytest.mark.parametrize(
-    ("command", "remedy", "words"),
-    [
-        ("refine", Remedy("adjust_cameras"), "--adjust-cameras"),
-        ("check-cameras", Remedy("adjust_cameras"), "skelsplat refine --adjust-cameras"),
-        ("check-cameras", Remedy("without", "c"), "--without c"),
-        ("refine", Remedy("move", ["a b", "c"]), "--move 'a b' --move c"),
-        ("check-cameras", Remedy("move", "c"), "skelsplat adjust-cameras --move c"),
-    ],
-)
-def test_a_remedy_that_another_command_has_names_it(command, remedy, words, capsys):
-    own = frozenset(option for param in dict(commands(ROOT))[(command,)].params for option in param.opts)
-    running = options.set(own)
-    try:
-        tell(Finding("found", remedy=(remedy,), sentence="Something is wrong."))
-    finally:
-        options.reset(running)
-    assert capsys.readouterr().err == f"warning: Something is wrong. Try {words}.\n"
 
 
 @pytest.mark.parametrize(("width", "parts"), [(40, 2), (80, 1)])

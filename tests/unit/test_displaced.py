@@ -12,7 +12,7 @@ from rig_case import turned
 from skelsplat import synthetic
 from skelsplat.findings import Remedy
 from skelsplat.run import displaced
-from skelsplat.run.displaced import displaced_cameras, find_displaced, shift_of, to_one_side
+from skelsplat.run.displaced import displaced_cameras, find_displaced
 from skelsplat.synthetic import DetectionNoise
 from two_people import LAYOUT, findings_of, seen
 
@@ -76,19 +76,6 @@ def test_a_still_person_whose_joints_are_off_in_every_view_is_not_doubted():
         people = seen([pose], rig)
         people[..., :2] += rng.normal(0.0, 20.0, (1, 4, 1, 17, 2))
         assert displaced_findings(people, rig) == []
-
-
-def test_the_shift_is_the_median_of_each_coordinate():
-    residual = np.full((5, 2, 11, 2), np.nan)
-    residual[:, 0] = np.random.default_rng(1).normal([8.0, -6.0], 0.5, (5, 11, 2))
-    residual[0, 0, 0] = 1e4
-    shifts = displaced.camera_shifts(residual)
-    np.testing.assert_allclose(shifts.size[0], 10.0, atol=4 * 0.5 * 1.25 / np.sqrt(55))  # of a median
-    assert shifts.count.tolist() == [55, 0]
-    assert np.isnan(shifts.error[1])
-    assert shifts.one_sided(np.array([1000.0, 1000.0])).tolist() == [True, False]
-    assert to_one_side(shift_of("ab", shifts, 0)) == "10 px from the pose (8 px right, 6 px up)"
-    assert shifts.one_sided(np.array([3000.0, 1000.0])).tolist() == [False, False]  # less than 0.4 %
 
 
 def test_joints_whose_offsets_point_any_way_share_a_side_as_often_as_is_said():
