@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.run import Run
-from skelsplat.run.findings import unfit_cameras
 from two_people import picked
 
 RIG, LAYOUT, FRAMES = synthetic.human36m_like(), sk.layouts.H36M17, 20
@@ -41,37 +38,6 @@ def test_a_fifth_rejected_is_told_unless_cameras_or_joints_are_named_for_it(came
     told = [(one.kind, *one.subject.cameras) for one in found if not one.subject.joints]
     assert (("many_rejected",) in told) == whole
     assert [camera for kind, *of in told if kind == "camera_disagrees" for camera in of] == named
-
-
-def views(**frames):
-    """Return inputs of cameras of (frames with somebody, frames of them in which nobody fits)."""
-    detections = np.full((FRAMES, len(frames), 5, 3), np.nan)
-    unmatched = np.zeros((FRAMES, len(frames)), dtype=bool)
-    for i, (somebody, unfit) in enumerate(frames.values()):
-        unmatched[:unfit, i] = True
-        detections[unfit:somebody, i] = 0.5
-    rig = SimpleNamespace(names=tuple(frames))
-    return SimpleNamespace(detections=detections, unmatched=unmatched, rig=rig)
-
-
-@pytest.mark.parametrize(
-    ("frames", "named"),
-    [
-        ({"a": (20, 15), "b": (20, 18), "c": (20, 0), "d": (20, 0)}, {"a": (15, 20), "b": (18, 20)}),
-        (
-            {"a": (20, 6), "b": (20, 18), "c": (20, 1)},
-            {"a": (6, 20), "b": (18, 20)},
-        ),  # one half of an exchanged pair
-        ({"a": (20, 6), "b": (20, 9), "c": (20, 0)}, {}),  # nowhere in most frames
-        ({"a": (8, 6), "b": (20, 0)}, {"a": (6, 8)}),  # of the frames in which it sees somebody
-        ({"a": (1, 1), "b": (20, 0)}, {}),  # a single ghost
-        ({"a": (0, 0), "b": (20, 0)}, {}),  # sees nobody
-    ],
-)
-def test_cameras_in_which_unmatched_are_found(frames, named):
-    inputs = views(**frames)
-    found = unfit_cameras(inputs)
-    assert {inputs.rig.names[i]: frames for i, frames in found.items()} == named
 
 
 def test_a_camera_that_alone_sees_somebody_contradicts_nobody():

@@ -16,7 +16,7 @@ from rich.table import Column, Table
 from command_line import ROOT, commands, invoke, succeed
 from skelsplat import synthetic
 from skelsplat.cli.output import quieter, tell
-from skelsplat.cli.table import new_table, print_parts, print_table
+from skelsplat.cli.table import print_table
 from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.findings import Finding
 from sweeps import swept
@@ -148,15 +148,3 @@ def test_a_finding_begins_with_its_severity(capsys):
     tell(finding, "person 1: ")
     said = ["error: words"] * 2 + ["warning: words"] * 2 + ["note: words", "note: person 1: words"]
     assert capsys.readouterr().err.splitlines() == said
-
-
-@pytest.mark.parametrize(("width", "parts"), [(40, 2), (80, 1)])
-def test_a_table_wider_than_the_terminal_is_printed_in_parts(width, parts):
-    table = new_table("Errors", "method", [f"S{k} [mm]" for k in range(6)])
-    table.add_row("annealed", *(f"12{k}.45" for k in range(6)))
-    console = Console(file=StringIO(), width=width)
-    print_parts(console, table)
-    text = console.file.getvalue()
-    assert max(len(line.rstrip()) for line in text.splitlines()) <= width
-    assert (text.count("annealed"), text.count("Errors")) == (parts, 1)
-    assert all(f"12{k}.45" in text for k in range(6))

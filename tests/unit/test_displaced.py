@@ -10,9 +10,7 @@ import pytest
 import skelsplat as sk
 from rig_case import turned
 from skelsplat import synthetic
-from skelsplat.findings import Remedy
 from skelsplat.run import displaced
-from skelsplat.run.displaced import displaced_cameras, find_displaced
 from skelsplat.synthetic import DetectionNoise
 from two_people import LAYOUT, findings_of, seen
 
@@ -99,26 +97,3 @@ def test_noise_over_time_shows_a_turned_camera_to_few_joints():
     alone, over_time = (findings_of(people, wrong, layout=FEW, fps=fps) for fps in (None, 60.0))
     assert not any("looks wrong" in text for text in alone)
     assert [text[:6] for text in over_time if "looks wrong" in text] == [f"{rig.names[1]}'s"]
-
-
-def shifts_of(*shift):
-    count = len(shift)
-    size = np.hypot(*np.transpose(shift))
-    return displaced.Shifts(np.array(shift, dtype=float), 1.1 * size, np.zeros(count), np.full(count, 1000))
-
-
-def test_the_worst_camera_is_first_and_rivals_are_named():
-    rig = synthetic.human36m_like()
-    shifts = shifts_of((10.0, 0.0), (0.0, 30.0), (-16.0, 1.0), (0.1, 0.0))
-    found = displaced_cameras(rig, shifts)
-    assert found == [1, 2, 0]
-    (finding,) = find_displaced(rig.names, shifts, found)
-    assert finding.subject.cameras == ("cam2",)
-    assert finding.remedy == (Remedy("adjust_cameras"), Remedy("without", "cam2"))
-    (again,) = find_displaced(rig.names, shifts, found, adjusted=True)
-    assert again.remedy == (Remedy("without", "cam2"),)
-    others = {one["camera"]: one["may_be_the_cause"] for one in finding.numbers["also_displaced"]}
-    assert others == {"cam3": True, "cam1": False}
-    (finding,) = find_displaced(rig.names, shifts, found, {"cam2"})
-    assert finding.remedy == ()
-    assert list(find_displaced(rig.names, shifts, [])) == []
