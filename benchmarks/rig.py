@@ -7,11 +7,8 @@
 Simulated: CMU motions of ten seconds at 30 Hz (without the data: the package's synthetic motions), detections
 with memory (`recordings.noise`), and one camera, in half of the takes two of five or more, that was turned or
 moved in a random direction, zoomed, or is late; or one that was turned and another that is late; or all count
-frames differently, by up to so many either way. Nothing tells the method which. Faults are in degrees, mm,
-shares of the focal length, and frames; `focal=True` and `clock=True` are given for these faults alone.
-
-The outcomes are those of docs/measurements.md; refused: another fault is reported. left, error bar: medians
-of what is left of the fault, and of its error bar.
+frames differently, by up to so many either way. `focal=True` and `clock=True` are given for these faults
+alone. docs/measurements.md has units and outcomes; refused: another fault is reported.
 """
 
 from __future__ import annotations
@@ -48,7 +45,7 @@ FAULTS = (
     *("sound", "turn 0.2", "turn 1", "move 20", "move 100", "focal 0.02", "clock 0.3", "clocks 10"),
     "turn 3, another late 3",
 )
-BY_PEOPLE = ("sound", "turn 1", "turn 10", "move 100", "clock 3")
+BY_PEOPLE = ("sound", "turn 1", "turn 10", "move 100")
 OUTCOMES = ("set right", "beyond", "doubt", "within", "missed", "refused", "wrong")
 # What rounding leaves: degrees, mm, share, frames.
 NOTHING = np.array([1e-4, 1e-3, 1e-9, 1e-9])
@@ -191,24 +188,18 @@ def summary(verdicts: list[Verdict]) -> dict[str, Any]:
 def measured(name: str, views: int, takes: int) -> dict[str, Any]:
     """Measure one fault in one rig."""
     fault, _, another = name.partition(", another late ")
-    kind, size = kind_of(fault)
+    kind, _, size = fault.partition(" ")
     given = {"focal": kind == "focal", "clock": "clock" in name, "config": ONE_THREAD}
     verdicts = []
     for seed in range(FIRST, FIRST + takes):
-        one = case(views, kind, size, seed, float(another or 0))
+        one = case(views, kind, float(size or 0), seed, float(another or 0))
         verdicts.append(verdict(one, sk.adjust_cameras(one.detections, one.given, **given)))
     return summary(verdicts)
 
 
-def kind_of(fault: str) -> tuple[str, float]:
-    """Return the kind and the size of a fault."""
-    kind, _, size = fault.partition(" ")
-    return kind, float(size or 0)
-
-
 def measured_by_people(name: str, views: int, takes: int, people: int) -> dict[str, dict[str, Any]]:
     """Measure one fault, by one person and by everybody, of people who cross, circle and pass each other."""
-    kind, size = kind_of(name)
+    kind, _, size = name.partition(" ")
     found: dict[str, list[Verdict]] = {"one": [], "all": []}
     for seed in range(FIRST, FIRST + takes):
         rng, meetings = np.random.default_rng(seed), ["cross", "circle", "apart"]
@@ -216,11 +207,8 @@ def measured_by_people(name: str, views: int, takes: int, people: int) -> dict[s
             people, mixed_heights(views), n_frames=200, fps=FPS, meetings=meetings, seed=seed
         )
         faulty = set() if kind == "sound" else {int(rng.integers(views))}
-        true, seen, late = list(scene.cameras), scene.people.copy(), np.zeros(views)
-        given = [spoilt(one, kind, size, rng) if i in faulty else one for i, one in enumerate(true)]
-        for i in faulty if kind == "clock" else ():
-            seen[int(size) :, i] = scene.people[: -int(size), i]
-            late[i] = size
+        true, seen, late = list(scene.cameras), scene.people, np.zeros(views)
+        given = [spoilt(one, kind, float(size), rng) if i in faulty else one for i, one in enumerate(true)]
         rig = sk.CameraRig(given, scene.cameras.unit)
         one = choose_person(seen, rig, layout=scene.layout)[0][:, :, None]
         for who, detections in (("one", one), ("all", seen)):

@@ -80,6 +80,11 @@ class Scene:
         chosen, options = methods.get(method), methods.Options(n_threads=1)
         return chosen.solve(take, sk.layouts.get(self.layout), chosen.settings(options)).pose
 
+    def dlt(self) -> FloatArray:
+        """Return the DLT of all pixels that there are, whatever the confidences."""
+        there = np.where(self.detections[..., 2:] > 0, self.detections[..., :2], np.nan)
+        return sk.triangulate(there, self.rig, method="dlt")
+
     def refined(
         self,
         start: FloatArray | None = None,

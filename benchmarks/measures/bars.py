@@ -82,7 +82,6 @@ def coverage_real(*, poses: int = 300, seed: int = 0) -> Table:
     notes = [
         f"ideal 19.9, 73.9, 97.1; labels of MVOR: {LABEL_SIGMA_MM:g} mm per axis, added to the covariances",
         _label_scatter(real.truth),
-        "the simulated detector has no systematic error, so the error bar is too wide there",
         real.source,
     ]
     return Table.of("Coverage of scatter and error bar, %", "", rows, notes)
@@ -154,8 +153,6 @@ def angles(*, takes: int = 24, frames: int = 200, seed: int = 0, fast: bool = Fa
             row["straight"] = float(error[:, bent][small].mean()) if small.any() else None
             rows[f"{condition}, {name}"] = row
     notes = [
-        "ideal coverage 68.3, 95.4, 99.7; error bars are the scatter, since the simulated detector has no "
-        "systematic error",
         "hip, shoulder: flexion, where the true abduction is below 60°; abd: abduction; trunk: inclination",
         f"straight: mean error of knees and elbows truly bent by less than {STRAIGHT_DEG:g}°",
         f"{len(found)} takes, {len(true)} frames",

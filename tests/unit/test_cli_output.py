@@ -93,7 +93,7 @@ def cases(folder, dome):
     "name",
     [
         *("demo", "refine", "convert", "adjust-cameras", "check-cameras"),
-        *("synth", "datasets check", "evaluate", "ablate"),
+        *("synth", "datasets check", "evaluate", swept("ablate")),
     ],
 )
 def test_json_is_a_document_and_quiet_is_silence(cases, name):
@@ -118,7 +118,7 @@ def through_a_pipe(*args, **variables):
     return subprocess.run(command, env={**environment, **variables}, capture_output=True, check=True)
 
 
-@pytest.mark.parametrize("args", [["refine", "--help"], COLOURED, swept(["--help"])])
+@pytest.mark.parametrize("args", [COLOURED, *map(swept, (["refine", "--help"], ["--help"]))])
 def test_no_colour_without_a_terminal(args):
     assert b"\x1b" not in through_a_pipe(*args, TERM="xterm-256color", COLORTERM="truecolor").stdout
 
