@@ -153,11 +153,11 @@ COLOURS = SimpleNamespace(left="#0072b2", right="#d55e00", start="#8c8c8c")
 
 
 def test_play_goes_on_from_frame_to_frame_and_stops_at_the_end(visit):
-    page = visit(fragment="#frame=132")
-    assert frame_of(page) == 132
+    page = visit(fragment="#frame=120")
+    assert frame_of(page) == 120
     page.click("#play")
     assert page.get_attribute("#play", "aria-label") == "Pause"
-    wait(page, "Number(document.getElementById('frame').value) > 133")
+    wait(page, "Number(document.getElementById('frame').value) > 122")
     wait(page, "document.getElementById('frame').value === '139'")
     wait(page, "document.getElementById('play').getAttribute('aria-label') === 'Play'")
     assert page.evaluate("location.hash") == "#frame=139"
