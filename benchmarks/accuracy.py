@@ -8,11 +8,11 @@ from __future__ import annotations
 import lab
 from measures.bars import angles, bias, coverage, coverage_human36m, coverage_real, gaussian
 from measures.errors import bones, swaps, table
-from measures.operating_room import mvor, mvor_people
+from measures.real import leave_one_out, mvor, mvor_people
 
 MEASURES = (
     *(table, bones, swaps, gaussian, coverage, coverage_real, angles, mvor, mvor_people),
-    *(coverage_human36m, bias),
+    *(coverage_human36m, bias, leave_one_out),
 )
 
 if __name__ == "__main__":

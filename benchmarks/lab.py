@@ -1,4 +1,4 @@
-"""What the measuring programs share: options from signatures, tables on the terminal, times, the machine.
+"""What the measuring programs share: options from signatures, tables as Markdown, times, the machine.
 
 A program is one or more functions with keyword arguments, which become its options; a tuple is one to repeat.
 They return or yield tables. Import this module first: it keeps the linear algebra of NumPy, SciPy and OpenCV
@@ -26,11 +26,9 @@ if "numpy" not in sys.modules:
 
 import numpy as np
 import typer
-from rich.console import Console
 
 import skelsplat as sk
 from skelsplat._json import plain
-from skelsplat.cli.evaluate import print_experiment
 from skelsplat.evaluation.tables import Table
 
 Program = Callable[..., Table | Iterable[Table]]
@@ -60,7 +58,7 @@ def _command(program: Program) -> Callable[..., None]:
             print(json.dumps(plain(everything), indent=1))
             return
         for table in tables:
-            show(table)
+            print(table.markdown(), flush=True)
         print(circumstances())
 
     own = inspect.signature(program, eval_str=True).parameters
@@ -71,25 +69,6 @@ def _command(program: Program) -> Callable[..., None]:
 def _option(parameter: inspect.Parameter) -> inspect.Parameter:
     kind = parameter.annotation
     return parameter.replace(annotation=list[get_args(kind)[0]]) if get_origin(kind) is tuple else parameter
-
-
-def show(table: Table) -> None:
-    """Print a table with its notes, at most 110 columns wide."""
-    console = Console(width=110, highlight=False)
-    print_experiment(console, table)
-    for note in table.notes:
-        console.print(f"- {note}", markup=False)
-    sys.stdout.flush()
-
-
-def about(**conditions: object) -> str:
-    """Return the conditions of a measurement as a note."""
-    return " · ".join(f"{name} {value}" for name, value in conditions.items())
-
-
-def wanted(title: str, rows: dict[str, tuple[str, str]]) -> Table:
-    """Return the table of figures and their targets."""
-    return Table.of(title, "what", {name: {"measured": a, "wanted": b} for name, (a, b) in rows.items()})
 
 
 def seconds(

@@ -5,8 +5,7 @@
 Simulated scenes (`skelsplat.synthetic.simulate_scene`) of ten seconds at 30 Hz: detections of two people as
 one, of one as two, of nobody, and people behind each other. Every combination of people (2 to 6), views (3 to
 8) and meetings, which may be repeated, is a condition; "all" takes turns, and in "cmu" people of the CMU
-motion capture pass each other (0.3 m or more) in the middle of the room, for as long as the longest take.
-Crowding: none, usual or heavy. Methods and figures are those of `skelsplat evaluate`; time is of one core.
+motion capture pass each other in the middle of the room. Crowding: usual or heavy. Time is of one core.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from skelsplat.synthetic import Crowding
 from skelsplat.synthetic.rigs import mixed_heights
 
 FPS = 30.0
-CROWDING = {"none": Crowding.none(), "usual": Crowding(), "heavy": Crowding.heavy()}
+CROWDING = {"usual": Crowding(), "heavy": Crowding.heavy()}
 # Of the CMU takes: their length, how near people come, and how many arrangements are tried.
 MIN_FRAMES, MAX_FRAMES = 75, 350
 NEAREST_MM, DRAWS = 300.0, 200

@@ -19,6 +19,8 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from skelsplat.evaluation.tables import Column, Row, Table
+
 DOCUMENT = Path(__file__).resolve().parents[1] / "docs" / "measurements.md"
 REAL = "DATA/"
 OURS = "SkelSplat ("  # published rows that the page quotes
@@ -63,19 +65,19 @@ def table(what: str, folder: Path) -> str:
 
 
 def _columns(name: str, folders: list[Path]) -> str:
-    values: dict[str, dict[str, str]] = {}
+    values: dict[tuple[bool, str], dict[str, float]] = {}
     for folder in folders:
         with (folder / "report.csv").open(encoding="utf-8", newline="") as stream:
             for row in csv.DictReader(stream):
                 reported = row["reported"] == "1"
                 if row["group"] == "all" and row[name] and (not reported or row["method"].startswith(OURS)):
-                    method = f"*{row['method']}*" if reported else row["method"]
-                    values.setdefault(method, {})[folder.name] = f"{float(row[name]):.1f}"
+                    values.setdefault((reported, row["method"]), {})[folder.name] = float(row[name])
     names = [folder.name for folder in folders]
-    ordered = sorted(values.items(), key=lambda item: item[0].startswith("*"))
-    rows = [[method, *(found.get(each, "–") for each in names)] for method, found in ordered]
-    head = [["method", *names], ["---", *["---:"] * len(names)]]
-    return "".join(f"| {' | '.join(row)} |\n" for row in head + rows)
+    rows = [
+        Row(method, tuple(map(found.get, names)), "reported" if reported else "measured")
+        for (reported, method), found in sorted(values.items(), key=lambda item: item[0][0])
+    ]
+    return Table("", "method", tuple(map(Column, names)), tuple(rows)).markdown()
 
 
 def main() -> None:

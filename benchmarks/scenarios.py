@@ -166,17 +166,10 @@ def _synthetic_poses(n: int, seed: int) -> FloatArray:
     return np.concatenate(takes)[:n]
 
 
-def simulated(
-    poses: int,
-    *,
-    cameras: sk.CameraRig | None = None,
-    noise: str | DetectionNoise = "good",
-    seed: int = 0,
-) -> Scene:
-    """Simulate the six motions in equal shares, seen by ``cameras`` (default Human3.6M-like)."""
-    cameras = synthetic.human36m_like() if cameras is None else cameras
-    truth, model = _synthetic_poses(poses, seed), NOISES[noise] if isinstance(noise, str) else noise
-    seen = synthetic.simulate_detections(truth, cameras, noise=model, layout="h36m17", seed=seed)
+def simulated(poses: int, *, noise: str = "good", seed: int = 0) -> Scene:
+    """Simulate the six motions in equal shares, seen by Human3.6M-like cameras."""
+    cameras, truth = synthetic.human36m_like(), _synthetic_poses(poses, seed)
+    seen = synthetic.simulate_detections(truth, cameras, noise=NOISES[noise], layout="h36m17", seed=seed)
     return Scene(truth, seen, cameras, "h36m17", "synthetic motions, simulated detections")
 
 
@@ -238,14 +231,14 @@ def mvor_stills(detector: str) -> Stills:
     return Stills(people, truth, match.astype(np.int64), boxes, cameras)
 
 
-def mvor(detector: str = "openpose") -> Scene:
+def mvor() -> Scene:
     """MVOR, an operating room: every labelled person detected in at least two views, real detections.
 
     The association is oracle. The truth has the eight joints that COCO-17 and the labels share (shoulders,
     elbows, wrists, hips), labelled to about ±50 mm. The published distortion is not applied: it makes the
     labels' reprojection error larger.
     """
-    stills = mvor_stills(detector)
+    stills = mvor_stills("openpose")
     frame, person, detections = stills.seen()
-    source = f"MVOR, {detector}, real detections, oracle association"
+    source = "MVOR, OpenPose, real detections, oracle association"
     return Scene(stills.truth[frame, person], detections, stills.cameras, "coco17", source)

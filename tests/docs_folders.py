@@ -11,7 +11,6 @@ import shutil
 from functools import partial
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 
 import calibration_files
@@ -20,6 +19,7 @@ import mouse
 import skelsplat as sk
 from detection_files import Take
 from docs_code import run
+from overlay_case import write_video
 from skelsplat import synthetic
 from skelsplat.io import read_calibration, sample
 from skelsplat.io.detections._record import Record, Video, write_record
@@ -81,13 +81,8 @@ def _walk(folder: Path, names: list[str], layout: str, scale: float) -> tuple[Pa
 
 def _videos(folder: Path) -> None:
     """Grey videos of the recording's size, of as many frames as a page draws."""
-    (folder / "videos").mkdir()
     for name in ("cam01", "cam02", "cam03", "cam04"):
-        path = str(folder / "videos" / f"{name}.mp4")
-        writer = cv2.VideoWriter(path, cv2.VideoWriter_fourcc(*"mp4v"), 60.0, (1088, 1920))
-        for _ in range(VIDEO_FRAMES):
-            writer.write(np.full((1920, 1088, 3), 128, dtype=np.uint8))
-        writer.release()
+        write_video(folder / "videos" / f"{name}.mp4", VIDEO_FRAMES, (1088, 1920), 60.0)
 
 
 def _pictures(folder: Path) -> None:

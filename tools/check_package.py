@@ -10,7 +10,6 @@ containers that build wheels.
 
 from __future__ import annotations
 
-import argparse
 import importlib.metadata
 import importlib.util
 import os
@@ -29,13 +28,10 @@ NEEDS_VIZ = "pip install 'skelsplat[viz]'"
 
 def main() -> None:
     """Check the package given, or what is installed here."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("package", nargs="?", type=Path, help="a wheel or an sdist; else what is installed")
-    package = parser.parse_args().package
-    if package is None:
+    for package in sys.argv[1:]:
+        check_package(Path(package).resolve())
+    if not sys.argv[1:]:
         check_installed()
-    else:
-        check_package(package.resolve())
 
 
 def check_package(package: Path) -> None:
@@ -54,7 +50,7 @@ def check_package(package: Path) -> None:
         subprocess.run(install, check=True, env=environment, cwd=folder)
         check = [here, Path(__file__).resolve()]
         status = subprocess.run(check, check=False, env=environment, cwd=folder).returncode
-    sys.exit(status)
+    expect(status == 0, f"a package that works, got {package.name}")
 
 
 def check_installed() -> None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from import_circles import circle, python_graph, rust_graph
@@ -105,11 +105,11 @@ def _reason(lines: list[str], first: int) -> str | None:
     return None
 
 
-def wide_lines(paths: Iterable[Path] = ()) -> list[str]:
+def wide_lines() -> list[str]:
     """Return the places of lines of Rust that are too wide, comments too; ruff finds those of Python."""
     return [
         f"{path.relative_to(ROOT)}:{number}"
-        for path in paths or files("crates/**/*.rs")
+        for path in files("crates/**/*.rs")
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
         if len(line) > WIDEST and not _MAY_BE_WIDE.search(line)
     ]

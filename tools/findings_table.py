@@ -1,7 +1,6 @@
 """Write the table of all findings into docs/errors.md, from the calls that make them.
 
-    python tools/findings_table.py          # write it
-    python tools/findings_table.py check    # status 1 if the page differs
+    python tools/findings_table.py
 
 Every call `Finding(kind, severity, …, sentence=…)` of the package is read from the source: sentences with "…"
 in place of what is filled in. A kind that is made in several places has all its sentences.
@@ -11,7 +10,6 @@ from __future__ import annotations
 
 import ast
 import re
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -109,16 +107,11 @@ def table() -> str:
     return "\n".join(lines) + "\n"
 
 
-def main(check: bool) -> int:
-    """Write the page, or compare it; 1 if it differs."""
-    page = PAGE.read_text(encoding="utf-8")
-    head, _, rest = page.partition(BEGIN)
-    current = f"{head}{BEGIN}\n{table()}\n{END}{rest.partition(END)[2]}"
-    if check:
-        return int(page != current)
-    PAGE.write_text(current, encoding="utf-8")
-    return 0
+def current() -> str:
+    """Return the page with the table of today."""
+    head, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+    return f"{head}{BEGIN}\n{table()}\n{END}{rest.partition(END)[2]}"
 
 
 if __name__ == "__main__":
-    sys.exit(main("check" in sys.argv[1:]))
+    PAGE.write_text(current(), encoding="utf-8")

@@ -25,45 +25,28 @@ _TYPES = {
     "float or sequence of float, or None": "float | tuple[float, ...] | None",
 }
 
-_METHODS = '''
-    def __new__(cls, **fields: Any) -> RefineConfig: ...
-    @staticmethod
-    def paper(**fields: Any) -> RefineConfig:
-        """{paper}"""
-    def replace(self, **fields: Any) -> RefineConfig:
-        """{replace}"""
-    def to_dict(self) -> dict[str, Any]:
-        """{to_dict}"""
-    @staticmethod
-    def settings(method: str = "annealed") -> list[Setting]:
-        """{settings}"""
-    def __eq__(self, other: object, /) -> bool: ...
-    def __ne__(self, other: object, /) -> bool: ...
-    @property
-    def method(self) -> str:
-        """{method}"""
-'''
+# The class in the stub, of which the documentation and the properties are replaced.
+_CLASS = re.compile(
+    r'(?P<head>class RefineConfig:\n    """).*?(?P<rest>\n    """\n.*?)(?:    @property\n[^\n]* \.\.\.\n)+',
+    re.DOTALL,
+)
 
 
-def stub_class() -> str:
-    """Return the class as the stub has it."""
-    text = (RefineConfig.__doc__ or "").rstrip()
-    body = "\n".join(f"    {line}".rstrip() for line in text.split("\n")).strip()
-    names = ("paper", "replace", "to_dict", "settings", "method")
-    methods = _METHODS.format(**{name: getattr(RefineConfig, name).__doc__ for name in names})
-    out = f'@final\nclass RefineConfig:\n    """{body}\n    """\n{methods}'
-    settings = {one.name: one.type for way in ("annealed", "paper") for one in RefineConfig.settings(way)}
-    for name, kind in settings.items():
-        annotation = "str" if kind.startswith("{") else _TYPES.get(kind, "float | str")
-        out += f"    @property\n    def {name}(self) -> {annotation}: ...\n"
+def properties() -> str:
+    """Return a property per setting."""
+    out = ""
+    for one in [*RefineConfig.settings("annealed"), *RefineConfig.settings("paper")]:
+        annotation = "str" if one.type.startswith("{") else _TYPES.get(one.type, "float | str")
+        written = f"    @property\n    def {one.name}(self) -> {annotation}: ...\n"
+        out += written * (written not in out)
     return out
 
 
 def main() -> None:
-    """Replace the class in the stub."""
+    """Replace the documentation and the properties of the class in the stub."""
     text = STUB.read_text(encoding="utf-8")
-    pattern = re.compile(r"@final\nclass RefineConfig:\n.*?(?=\n(?:@|def |class ))", re.DOTALL)
-    found, count = pattern.subn(lambda _: stub_class(), text)
+    own = "\n".join(f"    {line}".rstrip() for line in (RefineConfig.__doc__ or "").splitlines()).strip()
+    found, count = _CLASS.subn(lambda match: f"{match['head']}{own}{match['rest']}{properties()}", text)
     assert count == 1, f"{STUB}: expected one class RefineConfig, got {count}"
     STUB.write_text(found, encoding="utf-8")
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import recordings
-from lab import ONE_THREAD, Table, about
+from lab import ONE_THREAD, Table
 from recordings import CONDITIONS, Take
 from scenarios import NOISES, POSES, FloatArray, covered, mvor, scene
 
@@ -51,30 +51,23 @@ _MOST_MM = 500.0
 def coverage(*, poses: int = 300, seed: int = 0) -> Table:
     """Coverage in percent at 1, 2, 3 σ, and errors."""
     rows = {}
-    for name in ("good", "occluded 2"):
-        for n_views in VIEWS:
-            for factor in (1, 2):
-                noise = replace(NOISES[name], sigma_px=factor * NOISES[name].sigma_px)
-                here = scene(noise, poses, seed, n_views=n_views)
-                where = f"{name}, {n_views}v, {noise.sigma_px:.1f}px"
-                result = here.refined()
-                inside = covered(result.pose, result.uncertainty, here.judged)
-                rows[where] = inside | {"MPJPE": here.mpjpe(result.pose)}
-    notes = [
-        "rows: detections, views, jitter",
-        about(poses=poses, seed=seed, source=here.source),
-    ]
-    return Table.of("Coverage, % (ideal 19.9, 73.9, 97.1), and errors, mm", "detections", rows, notes)
+    for name, n_views, factor in product(("good", "occluded 2"), VIEWS, (1, 2)):
+        noise = replace(NOISES[name], sigma_px=factor * NOISES[name].sigma_px)
+        here = scene(noise, poses, seed, n_views=n_views)
+        result = here.refined()
+        inside = covered(result.pose, result.uncertainty, here.judged)
+        rows[f"{name}, {n_views} views, {noise.sigma_px:.1f} px"] = inside | {
+            "MPJPE": here.mpjpe(result.pose)
+        }
+    title = "Coverage, % (ideal 19.9, 73.9, 97.1), and errors, mm"
+    return Table.of(title, "detections", rows, [here.source])
 
 
-def coverage_real(*, detector: str = "openpose", poses: int = 300, seed: int = 0) -> Table:
-    """Measure which percentage of errors scatter and error bar cover, on MVOR and in a simulation.
-
-    The labels' variance is added to every covariance.
-    """
+def coverage_real(*, poses: int = 300, seed: int = 0) -> Table:
+    """Measure which percentage of errors scatter and error bar cover, on MVOR and in a simulation."""
     here = scene(NOISES["good"], poses, seed, n_views=3)
     rows = {"simulated, 3 views": _both(here.refined(), here.judged, 0.0)}
-    real = mvor(detector)
+    real = mvor()
     result = real.refined()
     hips = np.array([name.endswith("hip") for name in sk.layouts.COCO17.joints])[:, None]
     seen = real.detected.sum(axis=1)[..., None]
@@ -89,8 +82,7 @@ def coverage_real(*, detector: str = "openpose", poses: int = 300, seed: int = 0
     notes = [
         f"ideal 19.9, 73.9, 97.1; labels of MVOR: {LABEL_SIGMA_MM:g} mm per axis, added to the covariances",
         _label_scatter(real.truth),
-        "the simulated detector has no systematic error, so the error bar is too wide there",
-        about(poses=poses, seed=seed, source=real.source),
+        real.source,
     ]
     return Table.of("Coverage of scatter and error bar, %", "", rows, notes)
 
@@ -132,8 +124,7 @@ def gaussian(*, poses: int = 200, seed: int = 0) -> Table:
         row = {"DLT conf.": plain, "default": ours, "ratio": round(ours / plain, 3)}
         rows[f"{n_views} views, {sigma:.0f} px"] = row
     worst = max(row["ratio"] for row in rows.values())
-    notes = [f"largest ratio: {worst:.3f}", about(poses=poses, seed=seed, source=POSES)]
-    return Table.of("Gaussian noise: MPJPE, mm", "noise", rows, notes)
+    return Table.of("Gaussian noise: MPJPE, mm", "noise", rows, [f"largest ratio: {worst:.3f}", POSES])
 
 
 def angles(*, takes: int = 24, frames: int = 200, seed: int = 0, fast: bool = False) -> Table:
@@ -162,11 +153,9 @@ def angles(*, takes: int = 24, frames: int = 200, seed: int = 0, fast: bool = Fa
             row["straight"] = float(error[:, bent][small].mean()) if small.any() else None
             rows[f"{condition}, {name}"] = row
     notes = [
-        "ideal coverage 68.3, 95.4, 99.7; error bars are the scatter, since the simulated detector has no "
-        "systematic error",
         "hip, shoulder: flexion, where the true abduction is below 60°; abd: abduction; trunk: inclination",
         f"straight: mean error of knees and elbows truly bent by less than {STRAIGHT_DEG:g}°",
-        about(takes=len(found), frames=len(true), seed=seed),
+        f"{len(found)} takes, {len(true)} frames",
     ]
     title = "Joint angles: mean absolute error in degrees, and coverage in %"
     return Table.of(title, "detections", rows, notes)
@@ -174,11 +163,9 @@ def angles(*, takes: int = 24, frames: int = 200, seed: int = 0, fast: bool = Fa
 
 def _angles(take: Take, over_time: bool) -> tuple[sk.JointAngles, FloatArray, FloatArray]:
     """Return the true angles of a take, the errors and the standard deviations (T, A), in degrees."""
-    scene, result = take.scene, None
+    scene, result = take.scene, take.scene.refined()
     if over_time:
-        given = {"fps": take.fps, "layout": scene.layout}
-        result = sk.refine_sequence(scene.detections, scene.rig, **given)
-    result = result or scene.refined()
+        result = sk.refine_sequence(scene.detections, scene.rig, fps=take.fps, layout=scene.layout)
     found = sk.joint_angles(result, layout=scene.layout, uncertainty=result.uncertainty)
     true = sk.joint_angles(scene.truth, layout=scene.layout)
     error = (found.degrees - true.degrees + 180.0) % 360.0 - 180.0
@@ -217,53 +204,41 @@ def coverage_human36m(*, folder: Path, every: int = 64) -> Table:
 
 def _solved(case: protocols.Case, over_time: bool) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return poses and truth (T, N, 3) of a case, its scatter and its error bars (T, N, 3, 3)."""
-    take, rows = case.given(over_time), case.rows if over_time else None
-    given = {"layout": LAYOUT, "config": ONE_THREAD}
-    assert take.detections is not None
+    take, given = case.given(over_time), {"layout": LAYOUT, "config": ONE_THREAD}
     if over_time:
-        assert take.fps is not None
         found = sk.refine_sequence(take.detections, take.rig, fps=take.fps, **given)
     else:
         found = sk.refine(None, take.detections, take.rig, **given)
-    keep = slice(None) if rows is None else rows
+    keep = case.rows if over_time else slice(None)
     return found.pose[keep], case.take.truth, found.uncertainty[keep], found.error_bar[keep]
 
 
 def bias(*, folder: Path, every: int = 32) -> Table:
     """Measure how far the detector's joints are from those of the motion capture, on S1 and S5 to S8.
 
-    distance: √3 times the standard deviation per axis that makes 2 σ cover 73.9 % of the errors; offset: of
-    the mean error of each person's joint in the frame of the body: its length, and its parts. MVOR: the
-    distance there, with OpenPose and the labels' variance added to the scatter, and the offset over all.
+    distance: √3 times the standard deviation per axis that makes 2 σ cover 73.9 % of the errors; offset:
+    length of the mean error of each person's joint in the frame of the body. MVOR: both
+    there, with OpenPose and the labels' variance added to the scatter, the offset over all.
     """
     data = datasets.read("human36m-hourglass", folder, subjects=TRAINING)
-    error, scatter, body, people = [], [], [], []
+    error, scatter, body = [], [], {}
     for take in data:
         some = take.select(slice(0, None, every))
-        assert some.detections is not None
         found = sk.refine(None, some.detections, some.rig, layout=LAYOUT, config=ONE_THREAD)
         error.append(found.pose - some.truth)
         scatter.append(found.uncertainty)
-        body.append(in_body(error[-1], some.truth, LAYOUT))
-        people += [take.subject] * len(some)
-    whose = np.array(people)
-    errors, covariances, turned = (np.concatenate(part) for part in (error, scatter, body))
-    means = np.stack([offsets(turned[whose == who]) for who in TRAINING])
-    means[..., 0] *= np.where(np.char.startswith(LAYOUT.joints, "right"), -1.0, 1.0)
+        whose = body.setdefault(take.subject, [])
+        whose.append(in_body(error[-1], some.truth, LAYOUT))
+    errors, covariances = np.concatenate(error), np.concatenate(scatter)
+    means = np.stack([offsets(np.concatenate(own)) for own in body.values()])
     rows = {}
     for kind in CLASSES:
         chosen = np.flatnonzero(np.char.endswith(LAYOUT.joints, kind))
-        each = np.linalg.norm(errors[:, chosen], axis=-1)
         distance = _distance(errors[:, chosen], covariances[:, chosen])
-        left, ahead, up = means[:, chosen].mean(axis=(0, 1)).tolist()
         rows[kind] = {
             "distance": distance,
             f"to {_STEP_MM:g} mm": _STEP_MM * round(distance / _STEP_MM),
-            "median error": float(np.nanmedian(each)),
             "offset": float(np.linalg.norm(means[:, chosen], axis=-1).mean()),
-            "outwards": left,
-            "ahead": ahead,
-            "up": up,
         }
     real = mvor()
     found = real.refined(config=ONE_THREAD)

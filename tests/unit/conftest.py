@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+import overlay_case
 import skelsplat as sk
 from calibration_files import openpose_folders
 from command_line import READ, succeed
@@ -98,6 +99,26 @@ def finished_run(tmp_path_factory) -> Path:
 def run_folder(finished_run, tmp_path) -> Path:
     """Return a copy of the run's folder, where `arguments` writes to."""
     return shutil.copytree(finished_run, tmp_path / "out")
+
+
+@pytest.fixture
+def case(tmp_path):
+    """Return a run of two cameras to draw on images and videos."""
+    return overlay_case.write_run(tmp_path / "run")
+
+
+@pytest.fixture
+def images(tmp_path):
+    for name in ("cam01", "cam02"):
+        overlay_case.write_images(tmp_path / "images" / name)
+    return tmp_path / "images"
+
+
+@pytest.fixture
+def videos(tmp_path):
+    for name in ("cam01", "cam02"):
+        overlay_case.write_video(tmp_path / "videos" / f"{name}.mp4")
+    return tmp_path / "videos"
 
 
 @pytest.fixture

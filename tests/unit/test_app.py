@@ -13,6 +13,7 @@ import time
 import zipfile
 from pathlib import Path
 from types import SimpleNamespace
+from urllib.request import Request, urlopen
 
 import numpy as np
 import pytest
@@ -38,6 +39,7 @@ def root(tmp_path_factory, walk):
     (top / "broken" / "Calib.toml").write_text("[cam_0]\nmatrix = [[1, 2", encoding="utf-8")
     (top / "empty").mkdir()
     (top.parent / "outside.txt").write_text("a secret", encoding="utf-8")
+    (top / "way-out").symlink_to(top.parent, target_is_directory=True)
     return top
 
 
@@ -87,6 +89,8 @@ def context(browser, server):
     page = opened.new_page()
     page.goto(server.address)
     assert page.url == f"http://127.0.0.1:{server.port}/"
+    (cookie,) = opened.cookies()
+    assert (cookie["httpOnly"], cookie["sameSite"]) == (True, "Strict")
     page.close()
     return opened
 
@@ -240,10 +244,10 @@ def test_files_are_brought_into_an_empty_folder(visit, root):
     assert (root / "empty/Calib.toml").read_bytes() == (root / "walk/Calib.toml").read_bytes()
 
 
-def ask(server, method, path, host=None, **headers):
+def ask(server, method, path, **headers):
     """Ask the server as no browser would; return the status."""
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=30)
-    given = {"Cookie": server.cookie, "Host": host or f"127.0.0.1:{server.port}", **headers}
+    given = {"Cookie": server.cookie, **headers}
     connection.request(method, path, body=b"x" if method == "PUT" else None, headers=given)
     answer = connection.getresponse()
     answer.read()
@@ -251,15 +255,48 @@ def ask(server, method, path, host=None, **headers):
     return answer.status
 
 
-def test_only_this_machine_and_only_our_own_page_are_answered(server):
-    assert ask(server, "GET", "/") == 200
-    assert ask(server, "GET", "/", Cookie="") == 403
-    assert ask(server, "GET", "/", host="evil.example") == 403
+def test_a_page_is_there_before_its_recording_was_looked_at_and_loads_nothing_from_elsewhere(server):
+    address = f"http://127.0.0.1:{server.port}/recording?at=walk"
+    with urlopen(Request(address, headers={"Cookie": server.cookie}), timeout=30) as answer:
+        assert "Looking at the folder" in answer.read().decode()
+        assert "default-src 'self'" in answer.headers["content-security-policy"]
+        assert answer.headers["referrer-policy"] == "no-referrer"
+
+
+UPGRADE = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
+UPGRADE["Sec-WebSocket-Key"] = "dGhlIHNhbXBsZSBub25jZQ=="
+
+
+@pytest.mark.parametrize("kind", ["page", "socket"])
+@pytest.mark.parametrize(
+    ("headers", "let_in"),
+    [
+        ({}, True),
+        ({"Host": "localhost:{port}", "Origin": "http://127.0.0.1:{port}"}, True),
+        ({"Cookie": ""}, False),
+        ({"Cookie": "skelsplat-{port}=another"}, False),
+        ({"Cookie": "skelsplat-1={key}"}, False),
+        ({"Host": "evil.example:{port}"}, False),  # a name that leads here: DNS rebinding
+        ({"Host": "127.0.0.1:80"}, False),
+        ({"Origin": "http://evil.example"}, False),
+        ({"Origin": "null"}, False),  # of a sandboxed page, as those of a run are
+        ({"Origin": "http://127.0.0.1:1"}, False),
+    ],
+)
+def test_only_the_browser_with_the_key_and_our_own_page_are_let_in(server, kind, headers, let_in):
+    key = server.cookie.partition("=")[2]
+    given = {name: text.format(port=server.port, key=key) for name, text in headers.items()}
+    path = "/" if kind == "page" else "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"
+    status = ask(server, "GET", path, **(UPGRADE if kind == "socket" else {}), **given)
+    assert status == ({"page": 200, "socket": 101}[kind] if let_in else 403)
+
+
+def test_the_key_opens_the_page_on_this_machine_alone(server):
+    key = server.address.partition("/?")[2]
+    assert ask(server, "GET", f"/?{key}", Cookie="") == 303
+    assert ask(server, "GET", "/?key=wrong", Cookie="") == 403
+    assert ask(server, "GET", f"/?{key}", Cookie="", Host="evil.example") == 403
     assert ask(server, "PUT", "/bring?name=x.csv", Origin="http://evil.example") == 403
-    upgrade = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
-    upgrade["Sec-WebSocket-Key"] = "dGhlIHNhbXBsZSBub25jZQ=="
-    socket_path = "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"
-    assert ask(server, "GET", socket_path, Origin="http://evil.example", **upgrade) == 403
     with pytest.raises(OSError, match="refused"):
         socket.create_connection(("127.0.0.2", server.port), timeout=5)
 
@@ -272,15 +309,23 @@ def test_only_this_machine_and_only_our_own_page_are_answered(server):
         "/run/..%2F..%2Foutside.txt?folder=walk/out",
         "/run/Calib.toml?folder=walk",
         "/zip?folder=..",
+        *(f"/run/outside.txt?folder={path}" for path in ("way-out", "/", "a%00b", "~root")),
     ],
 )
 def test_nothing_else_is_handed_out(server, path):
     assert ask(server, "GET", path) in (400, 404)
 
 
-@pytest.mark.parametrize("name", ["..%2Fx.csv", "%2E%2E%2F%2E%2E%2Fx.csv", ".profile", "Calib.toml"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("", "..", "..%2Fx.csv", "%2E%2E%2F%2E%2E%2Fx.csv", "a%2F..%2F..%2Fx", ".profile", "a%2F.ssh%2Fx"),
+        *("C:%5Cx", "Calib.toml"),
+    ],
+)
 def test_nothing_is_written_elsewhere_or_over_a_file(server, root, name):
     before = sorted(root.parent.rglob("*"))
     assert ask(server, "PUT", f"/bring?folder=walk&name={name}") in (400, 409)
-    assert ask(server, "PUT", "/bring?folder=..&name=x.csv") == 400
+    for folder in ("..", "way-out"):
+        assert ask(server, "PUT", f"/bring?folder={folder}&name=x.csv") == 400
     assert sorted(root.parent.rglob("*")) == before

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import shlex
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -21,7 +20,7 @@ from skelsplat.cli.batch import job_of, sessions_of
 from skelsplat.cli.of_found import lines_of
 from skelsplat.cli.process import CANCELLED, Bar, Work
 from skelsplat.cli.rows import texts_in, texts_of, typed
-from skelsplat.cli.settings import OPTIONS, are_wrong, required, worded, wrong
+from skelsplat.cli.settings import OPTIONS, are_wrong, required, wrong
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Remedy
 from skelsplat.run import Job
@@ -33,7 +32,6 @@ from nicegui import Client, ui
 from nicegui.page import page
 
 from skelsplat.app.forms import Form
-from skelsplat.app.server import _app
 
 ROWS = OPTIONS["refine"]
 GIVEN = {"unit": "m", "fps": "60", "offsets": ["cam1=-2"], "adjust_cameras": True, "write": "trc,bvh"}
@@ -78,12 +76,6 @@ def test_a_path_that_leads_out_is_refused(recording):
         recording.words("refine")
 
 
-def test_what_a_cancelled_command_left_behind_is_said(tmp_path):
-    work = Work(["refine"], tmp_path, messages=["warning: x", "interrupted; out is unfinished: run it again"])
-    work.state = CANCELLED
-    assert work.words_of_end == "Cancelled; out is unfinished: run it again."
-
-
 def test_a_remedy_that_was_cancelled_leaves_the_settings(recording, monkeypatch):
     monkeypatch.setattr(Recording, "look", lambda _: None)
     started = []
@@ -114,12 +106,6 @@ def test_time_is_left_of_all_cameras_and_of_what_is_new():
     assert (bar.done, bar.total, bar.begun) == (6, 20, 6)
     later = replace(bar.after("cam1", 8, 10), since=bar.since - 4.0)  # 2 in 4 s, 12 are left
     assert later.seconds_left == pytest.approx(24.0, abs=1.0)
-
-
-def test_what_is_done_before_and_after_all_frames_is_said(tmp_path):
-    for done, total, words in ((0, 0, "reading …"), (3, 6, "3 of 6 frames"), (6, 6, "writing the results …")):
-        bar = Bar().after("", done, total)
-        assert Work(["refine"], tmp_path, bar=bar).words_of_bar.endswith(f": {words}")
 
 
 def test_several_recordings_are_offered_what_they_can_do_without(recording, monkeypatch):
@@ -177,12 +163,6 @@ def test_what_is_wrong_with_a_setting_is_one_sentence_beside_it(recording, name,
     assert are_wrong("refine", recording.given["refine"]) == bool(words)
 
 
-def test_sentences_have_the_names_of_the_page():
-    assert worded("--fps: give it, or --without cam1, or fps=30") == (
-        "“Frame rate”: give it, or “Without” cam1, or “Frame rate” 30"
-    )
-
-
 def test_a_setting_that_was_kept_is_shown_even_if_it_is_no_choice():
     with Client(page("")) as client:
         row = next(row for row in ROWS if row.name == "without")
@@ -207,30 +187,6 @@ def test_what_a_setting_requires_is_asked_for_and_its_mark_goes_when_it_is_given
     assert (given, mark.text) == ({"fill_weak": True, "fill_gaps": "5"}, None)
 
 
-async def answer_of(app, path, query):
-    """Return the status and the text that an application answers with."""
-    scope = {"type": "http", "method": "GET", "path": path, "raw_path": path.encode(), "headers": []}
-    scope |= {"query_string": query.encode(), "scheme": "http", "server": ("127.0.0.1", 80), "root_path": ""}
-    sent = []
-
-    async def receive():
-        return {"type": "http.request", "body": b""}
-
-    async def send(message):
-        sent.append(message)
-
-    async with app.router.lifespan_context(app):
-        await app({**scope, "http_version": "1.1"}, receive, send)
-    return sent[0]["status"], b"".join(one.get("body", b"") for one in sent).decode()
-
-
-def test_the_page_is_there_before_the_recording_was_looked_at(recording, monkeypatch):
-    looks = []
-    monkeypatch.setattr("skelsplat.app.recordings.Recordings.at", lambda *given: looks.append(given))
-    status, text = asyncio.run(answer_of(_app(Recordings(recording.place)), "/recording", "at=walk"))
-    assert (status, "Looking at the folder" in text, looks) == (200, True, [])
-
-
 def test_two_tabs_that_open_a_recording_look_once(recording, monkeypatch):
     looks, goes_on = [], Event()
 
@@ -246,13 +202,6 @@ def test_two_tabs_that_open_a_recording_look_once(recording, monkeypatch):
         goes_on.set()
     assert tabs[0].result() is tabs[1].result()
     assert looks == [recording.folder]
-
-
-def test_a_setting_that_is_wrong_is_named(recording):
-    recording.given["refine"] = {"fps": "fast"}
-    assert "# --fps: " in lines_of(recording.found, recording.given, [])["the commands"]
-    with pytest.raises(InvalidInputError, match="--fps"):
-        recording.look()
 
 
 @pytest.mark.parametrize(

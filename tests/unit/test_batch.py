@@ -14,7 +14,7 @@ import skelsplat as sk
 from command_line import assert_fails, invoke
 from skelsplat._lock import locked
 from skelsplat.io import read_npz
-from skelsplat.run import Job, Recording, batch, run_batch
+from skelsplat.run import Job, batch, run_batch
 from skelsplat.run.batch import trials
 from skelsplat.run.folder import output_folder
 
@@ -159,27 +159,6 @@ def test_a_folder_that_holds_detections_is_refused(jobs, runs, folder, tmp_path)
             run_batch(wanted, out)
     assert runs == []
     assert sorted(folder.rglob("*")) == before
-
-
-def test_several_people_have_a_row_each():
-    finding = {"kind": "camera_disagrees", "severity": "warning", "subject": {"cameras": ["cam1"]}}
-    shared = {**finding, "kind": "people_few", "severity": "error", "subject": {}}
-    note = {**finding, "severity": "note"}
-    adjusted = {**note, "kind": "camera_adjusted", "subject": {"cameras": ["cam2"]}}
-    estimated = {**note, "kind": "cameras_estimated", "subject": {}}
-    person = {"frames": 40, "median_error_px": 2.0, "rejected_share": 0.1}
-    people = [{**person, "id": 0, "findings": [finding, note, adjusted]}, {**person, "id": 3, "findings": []}]
-    report = {"input": {"frame_rate_hz": 50.0}, "findings": [shared, estimated], "people": people}
-    first, second = Recording("walk", "done", Path("out"), report=report).rows()
-    assert (first["person"], first["errors"], first["warnings"]) == (0, 1, 1)
-    assert (
-        first["findings"] == "people few; cameras estimated; camera disagrees (cam1); camera adjusted (cam2)"
-    )
-    assert (second["person"], second["findings"], second["frame_rate_hz"]) == (
-        3,
-        "people few; cameras estimated",
-        50.0,
-    )
 
 
 # The command line

@@ -40,19 +40,6 @@ def write(tmp_path):
     return write
 
 
-def test_every_number_of_a_camera_is_read(write):
-    rig = read_calibration(write(VALID), unit="m")
-    assert rig.unit == "m"
-    left = rig["left"]
-    np.testing.assert_array_equal(left.K, [[1681.25, 0, 532.5], [0, 1681.0, 948.25], [0, 0, 1]])
-    np.testing.assert_array_equal(left.t, [-2.0, 0.5, 3.0])
-    np.testing.assert_array_equal(left.distortion, [-0.05, 0.002, 1e-05, -2e-05])
-    assert (left.size, left.fisheye) == ((1088, 1920), False)
-    turn = [[1, 0, 0], [0, np.cos(1.5), -np.sin(1.5)], [0, np.sin(1.5), np.cos(1.5)]]
-    # entries up to 1 from a handful of operations: a few ulp
-    np.testing.assert_allclose(left.R, turn, atol=1e-15)
-
-
 @pytest.mark.parametrize("padding", ["", ", 0.0"], ids=["four", "four and a zero"])
 def test_fisheye_coefficients(write, padding):
     text = VALID.replace("fisheye = false", "fisheye = true").replace("-2e-05]", f"-2e-05{padding}]")

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import shlex
 
-import cv2
 import numpy as np
 import pytest
 
 import calibration_files as files
 import skelsplat as sk
 from command_line import assert_fails, invoke, read_report, succeed
+from overlay_case import write_video
 from report_page import data_of, numbers
 from rig_room import LATE, RIG, write_room
 from skelsplat.io import read_calibration, sample
@@ -133,12 +133,8 @@ def test_focal_lengths_and_sizes_from_what_the_folder_knows(room, tmp_path):
     (room / "pose").rename(pose)
     given = ["calibrate", pose, "-o", tmp_path / "a.toml", *LAYOUT, "--same-cameras"]
     assert_fails(invoke(*given), 2, "--size: expected the width and height of the images of cam1, cam2")
-    (tmp_path / "videos").mkdir()
     for name in RIG.names:
-        path = str(tmp_path / "videos" / f"{name}.mp4")
-        writer = cv2.VideoWriter(path, cv2.VideoWriter_fourcc(*"mp4v"), 25.0, RIG[0].size)
-        writer.write(np.zeros((*RIG[0].size[::-1], 3), dtype=np.uint8))
-        writer.release()
+        write_video(tmp_path / "videos" / f"{name}.mp4", 1, RIG[0].size)
     result = succeed(*given)
     rig = read_calibration(tmp_path / "a.toml")
     assert rig[0].size == RIG[0].size
@@ -194,10 +190,6 @@ def test_what_is_refused(room, tmp_path, monkeypatch, detections, options, statu
         invoke("calibrate", detections, "-o", tmp_path / "a.toml", *LAYOUT, *options), status, message
     )
     assert not (tmp_path / "a.toml").exists()
-
-
-def test_refine_without_a_calibration_names_the_command(tmp_path):
-    assert_fails(invoke("refine", tmp_path, "-o", "out"), 2, "skelsplat calibrate makes one")
 
 
 def test_the_demo_without_its_calibration_is_compared_with_it(tmp_path, monkeypatch):

@@ -2,128 +2,51 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
+import skelsplat as sk
 from skelsplat import synthetic
-from skelsplat.run.findings import find_cameras, find_whole, unfit_cameras
+from skelsplat.run import Run
 from two_people import picked
 
-
-def group(name, rejected, used=1000):
-    """Return what findings read of a camera or joint."""
-    errors, shares = dict.fromkeys(("before_px", "after_px"), 1.0), {"rejected_share": rejected / used}
-    return {"name": name, "used": used, "rejected": rejected, "mean_weight": 0.5, **errors, **shares}
-
-
-def doubts(*rejected):
-    cameras = [group(f"cam_{i:02d}", count) for i, count in enumerate(rejected, 1)]
-    statistics = SimpleNamespace(cameras=cameras, total=group("all", sum(rejected)))
-    return [finding.text for finding in find_cameras(statistics)]
+RIG, LAYOUT, FRAMES = synthetic.human36m_like(), sk.layouts.H36M17, 20
 
 
 @pytest.mark.parametrize(
-    ("rejected", "named"),
+    ("cameras", "joints", "whole", "named"),
     [
-        ((30, 30, 240, 30), ["cam_03"]),
-        ((30, 390, 260, 100), ["cam_02", "cam_03"]),  # neither has three times the others' median
-        ((90, 110, 120, 100), []),  # all alike
-        ((150, 190, 180, 20), []),  # less than a fifth, and the best camera is not what is usual
-        ((300, 350, 400), []),
-        ((20, 99, 20), []),
-        ((0, 0, 100), ["cam_03"]),
-        ((400, 500, 600, 0), ["cam_01", "cam_02", "cam_03"]),
-        ((900,), []),
+        ((0.03, 0.03, 0.24, 0.03), (), False, ["cam3"]),
+        ((0.03, 0.39, 0.26, 0.1), (), False, ["cam2", "cam3"]),  # neither has three times the others' median
+        ((0.09, 0.11, 0.12, 0.1), (), False, []),  # all alike
+        ((0.4, 0.5, 0.6, 0.0), (), True, ["cam1", "cam2", "cam3"]),
+        ((0.3, 0.3, 0.3, 0.3), (), True, []),
+        ((0.05, 0.05, 0.05, 0.8), (), False, ["cam4"]),  # the cause of 24 %
+        ((0.25, 0.25, 0.25, 0.6), (), True, ["cam4"]),  # and the others, too
+        ((0.0, 0.0, 0.0, 0.0), (2, 3, 5, 6, 13, 16), False, []),  # joints are the cause
     ],
 )
-def test_bad_cameras_do_not_hide_each_other(rejected, named):
-    assert [doubt.split()[0] for doubt in doubts(*rejected)] == named
-
-
-def whole(rejected):
-    """Return the doubts of all detections (100, M, N) of which these are rejected."""
-    count = rejected.shape[0]
-    statistics = SimpleNamespace(
-        total=group("all", int(rejected.sum()), used=rejected.size),
-        cameras=[
-            group(f"cam_{i}", int(one.sum()), used=one.size) for i, one in enumerate(rejected.swapaxes(0, 1))
-        ],
-        joints=[
-            group(f"j{j}", int(one.sum()), used=one.size) for j, one in enumerate(np.moveaxis(rejected, 2, 0))
-        ],
-        rejected=rejected,
-        views_used=(~rejected).sum(axis=1),
-        error_after=np.ones((count, *rejected.shape[1:])),
-    )
-    return [finding.text.split(": check ")[0] for finding in find_whole(statistics)]
-
-
-def shares(cameras, joints):
-    """Return detections (100, M, N) rejected in so many per cent of the frames, by camera and by joint."""
-    percent = np.fmax.outer(np.asarray(cameras), np.asarray(joints))
-    return np.arange(100)[:, None, None] < percent
-
-
-@pytest.mark.parametrize(
-    ("cameras", "joints", "told"),
-    [
-        ((21, 21, 21, 21), (0,) * 8, ["21% of all detections are rejected"]),
-        ((19, 19, 19, 19), (0,) * 8, []),
-        ((5, 5, 5, 80), (0,) * 8, []),  # 24 %, of which one camera is the cause and named
-        ((5, 5, 5, 95), (50,) * 2 + (0,) * 6, ["36% of all detections are rejected"]),
-        ((5, 5, 5, 5), (70, 70) + (0,) * 6, []),  # 21 %, of which two joints are
-        ((15, 15, 15, 90), (0,) * 8, ["34% of all detections are rejected"]),
-        ((21, 21, 21, 60), (0,) * 8, ["31% of all detections are rejected"]),  # and the others, too
-    ],
-)
-def test_a_fifth_rejected_is_told_unless_cameras_or_joints_are_named_for_it(cameras, joints, told):
-    assert whole(shares(cameras, joints)) == told
-
-
-FRAMES = 20
-
-
-def views(**frames):
-    """Return inputs of cameras of (frames with somebody, frames of them in which nobody fits)."""
-    detections = np.full((FRAMES, len(frames), 5, 3), np.nan)
-    unmatched = np.zeros((FRAMES, len(frames)), dtype=bool)
-    for i, (somebody, unfit) in enumerate(frames.values()):
-        unmatched[:unfit, i] = True
-        detections[unfit:somebody, i] = 0.5
-    rig = SimpleNamespace(names=tuple(frames))
-    return SimpleNamespace(detections=detections, unmatched=unmatched, rig=rig)
-
-
-@pytest.mark.parametrize(
-    ("frames", "named"),
-    [
-        ({"a": (20, 15), "b": (20, 18), "c": (20, 0), "d": (20, 0)}, {"a": (15, 20), "b": (18, 20)}),
-        (
-            {"a": (20, 6), "b": (20, 18), "c": (20, 1)},
-            {"a": (6, 20), "b": (18, 20)},
-        ),  # one half of an exchanged pair
-        ({"a": (20, 6), "b": (20, 9), "c": (20, 0)}, {}),  # nowhere in most frames
-        ({"a": (8, 6), "b": (20, 0)}, {"a": (6, 8)}),  # of the frames in which it sees somebody
-        ({"a": (1, 1), "b": (20, 0)}, {}),  # a single ghost
-        ({"a": (0, 0), "b": (20, 0)}, {}),  # sees nobody
-    ],
-)
-def test_cameras_in_which_unmatched_are_found(frames, named):
-    inputs = views(**frames)
-    found = unfit_cameras(inputs)
-    assert {inputs.rig.names[i]: frames for i, frames in found.items()} == named
+def test_a_fifth_rejected_is_told_unless_cameras_or_joints_are_named_for_it(cameras, joints, whole, named):
+    """Of detections, by camera or joint, such shares lie 200 px off, anywhere."""
+    noise, walk = synthetic.DetectionNoise(sigma_px=2.0), synthetic.motion("walk", 40, seed=1)
+    seen, rng = synthetic.simulate_detections(walk, RIG, noise=noise, seed=2), np.random.default_rng(0)
+    share = np.fmax.outer(cameras, np.where(np.isin(np.arange(17), joints), 0.9, 0.0))
+    wrong, angle = rng.random(seen.shape[:-1]) < share, rng.uniform(0.0, 2 * np.pi, seen.shape[:-1])
+    seen[wrong, :2] += 200.0 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)[wrong]
+    result = sk.refine(None, seen, RIG, layout=LAYOUT)
+    found = Run.from_arrays(result, RIG, seen, LAYOUT, fps=50.0).findings
+    told = [(one.kind, *one.subject.cameras) for one in found if not one.subject.joints]
+    assert (("many_rejected",) in told) == whole
+    assert [camera for kind, *of in told if kind == "camera_disagrees" for camera in of] == named
 
 
 def test_a_camera_that_alone_sees_somebody_contradicts_nobody():
-    rig = synthetic.human36m_like()
     pose = synthetic.motion("walk", FRAMES, seed=1)
     noise = synthetic.DetectionNoise.good()
-    seen = np.asarray(synthetic.simulate_detections(pose, rig, noise=noise, seed=2))
+    seen = np.asarray(synthetic.simulate_detections(pose, RIG, noise=noise, seed=2))
     seen[5:, 1:] = np.nan  # the others see the person in the first five frames alone
-    _, unmatched, _ = picked(seen[:, :, None], rig, "consistent", None)
+    _, unmatched, _ = picked(seen[:, :, None], RIG, "consistent", None)
     assert not unmatched.any()
     seen[5:10, 1] = [0.0, 1000.0, 0.0] + [1.0, -1.0, 1.0] * seen[5:10, 0]  # upside down: of no such body
-    _, unmatched, _ = picked(seen[:, :, None], rig, "consistent", None)
+    _, unmatched, _ = picked(seen[:, :, None], RIG, "consistent", None)
     assert unmatched.sum(axis=0).tolist() == [5, 5, 0, 0]

@@ -15,10 +15,10 @@ from rich.table import Column, Table
 
 from command_line import ROOT, commands, invoke, succeed
 from skelsplat import synthetic
-from skelsplat.cli.output import options, quieter, tell
-from skelsplat.cli.table import new_table, print_parts, print_table
+from skelsplat.cli.output import quieter, tell
+from skelsplat.cli.table import print_table
 from skelsplat.datasets.synthetic import write_simulated
-from skelsplat.findings import Finding, Remedy
+from skelsplat.findings import Finding
 from sweeps import swept
 
 COMMANDS = {path: {opt for own in command.params for opt in own.opts} for path, command in commands(ROOT)}
@@ -93,7 +93,7 @@ def cases(folder, dome):
     "name",
     [
         *("demo", "refine", "convert", "adjust-cameras", "check-cameras"),
-        *("synth", "datasets check", "evaluate", "ablate"),
+        *("synth", "datasets check", "evaluate", swept("ablate")),
     ],
 )
 def test_json_is_a_document_and_quiet_is_silence(cases, name):
@@ -118,7 +118,7 @@ def through_a_pipe(*args, **variables):
     return subprocess.run(command, env={**environment, **variables}, capture_output=True, check=True)
 
 
-@pytest.mark.parametrize("args", [["refine", "--help"], COLOURED, swept(["--help"])])
+@pytest.mark.parametrize("args", [COLOURED, *map(swept, (["refine", "--help"], ["--help"]))])
 def test_no_colour_without_a_terminal(args):
     assert b"\x1b" not in through_a_pipe(*args, TERM="xterm-256color", COLORTERM="truecolor").stdout
 
@@ -148,35 +148,3 @@ def test_a_finding_begins_with_its_severity(capsys):
     tell(finding, "person 1: ")
     said = ["error: words"] * 2 + ["warning: words"] * 2 + ["note: words", "note: person 1: words"]
     assert capsys.readouterr().err.splitlines() == said
-
-
-@pytest.mark.parametrize(
-    ("command", "remedy", "words"),
-    [
-        ("refine", Remedy("adjust_cameras"), "--adjust-cameras"),
-        ("check-cameras", Remedy("adjust_cameras"), "skelsplat refine --adjust-cameras"),
-        ("check-cameras", Remedy("without", "c"), "--without c"),
-        ("refine", Remedy("move", ["a b", "c"]), "--move 'a b' --move c"),
-        ("check-cameras", Remedy("move", "c"), "skelsplat adjust-cameras --move c"),
-    ],
-)
-def test_a_remedy_that_another_command_has_names_it(command, remedy, words, capsys):
-    own = frozenset(option for param in dict(commands(ROOT))[(command,)].params for option in param.opts)
-    running = options.set(own)
-    try:
-        tell(Finding("found", remedy=(remedy,), sentence="Something is wrong."))
-    finally:
-        options.reset(running)
-    assert capsys.readouterr().err == f"warning: Something is wrong. Try {words}.\n"
-
-
-@pytest.mark.parametrize(("width", "parts"), [(40, 2), (80, 1)])
-def test_a_table_wider_than_the_terminal_is_printed_in_parts(width, parts):
-    table = new_table("Errors", "method", [f"S{k} [mm]" for k in range(6)])
-    table.add_row("annealed", *(f"12{k}.45" for k in range(6)))
-    console = Console(file=StringIO(), width=width)
-    print_parts(console, table)
-    text = console.file.getvalue()
-    assert max(len(line.rstrip()) for line in text.splitlines()) <= width
-    assert (text.count("annealed"), text.count("Errors")) == (parts, 1)
-    assert all(f"12{k}.45" in text for k in range(6))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,6 @@ from skelsplat import synthetic
 from skelsplat.association import choose_person
 from skelsplat.evaluation import baselines
 from skelsplat.findings import FindingWarning
-from skelsplat.io import read_detections
 
 H36M = sk.layouts.H36M17
 
@@ -92,32 +90,3 @@ def test_the_confidence_of_a_missing_detection_does_not_count(entry, detections,
     for score in (-1.0, 95.0, np.inf):
         found[1, 2, 3] = [np.nan, 5.0, score]  # half a pixel is none
         np.testing.assert_array_equal(call(found, rig), without)
-
-
-def npz(root, view):
-    np.savez(root / "cam.npz", detections=view[:, None])
-
-
-def openpose(root, view):
-    (root / "cam").mkdir()
-    for t, frame in enumerate(view):
-        people = [{"pose_keypoints_2d": frame.ravel().tolist()}]
-        (root / "cam" / f"{t}.json").write_text(json.dumps({"people": people}))
-
-
-@pytest.mark.parametrize("write", [npz, openpose])
-def test_nor_does_it_in_files(tmp_path, write, detections):
-    view = detections[:, 0].copy()
-
-    def read(name, joint):
-        view[1, 3] = joint
-        (tmp_path / name).mkdir()
-        write(tmp_path / name, view)
-        return read_detections(tmp_path / name, ["cam"], layout=H36M).people[:, 0, 0]
-
-    found = read("missing", [np.nan, np.nan, -1.0])
-    assert np.isnan(found[1, 3]).all()
-    assert np.isfinite(found).all(axis=-1).sum() == found[..., 0].size - 1
-    assert read("above", [5.0, 5.0, 1.05])[1, 3, 2] == 1.0
-    with pytest.raises(sk.DatasetError, match=r"expected a confidence.*, got -1"):
-        read("below", [5.0, 5.0, -1.0])

@@ -10,9 +10,7 @@ import pytest
 import skelsplat as sk
 from rig_case import turned
 from skelsplat import synthetic
-from skelsplat.findings import Remedy
 from skelsplat.run import displaced
-from skelsplat.run.displaced import displaced_cameras, find_displaced, shift_of, to_one_side
 from skelsplat.synthetic import DetectionNoise
 from two_people import LAYOUT, findings_of, seen
 
@@ -78,19 +76,6 @@ def test_a_still_person_whose_joints_are_off_in_every_view_is_not_doubted():
         assert displaced_findings(people, rig) == []
 
 
-def test_the_shift_is_the_median_of_each_coordinate():
-    residual = np.full((5, 2, 11, 2), np.nan)
-    residual[:, 0] = np.random.default_rng(1).normal([8.0, -6.0], 0.5, (5, 11, 2))
-    residual[0, 0, 0] = 1e4
-    shifts = displaced.camera_shifts(residual)
-    np.testing.assert_allclose(shifts.size[0], 10.0, atol=4 * 0.5 * 1.25 / np.sqrt(55))  # of a median
-    assert shifts.count.tolist() == [55, 0]
-    assert np.isnan(shifts.error[1])
-    assert shifts.one_sided(np.array([1000.0, 1000.0])).tolist() == [True, False]
-    assert to_one_side(shift_of("ab", shifts, 0)) == "10 px from the pose (8 px right, 6 px up)"
-    assert shifts.one_sided(np.array([3000.0, 1000.0])).tolist() == [False, False]  # less than 0.4 %
-
-
 def test_joints_whose_offsets_point_any_way_share_a_side_as_often_as_is_said():
     """Under the null hypothesis p is uniform; 2000 draws have it below 0.05 in 5 % ± 3 · 0.49 %."""
     rng = np.random.default_rng(0)
@@ -112,26 +97,3 @@ def test_noise_over_time_shows_a_turned_camera_to_few_joints():
     alone, over_time = (findings_of(people, wrong, layout=FEW, fps=fps) for fps in (None, 60.0))
     assert not any("looks wrong" in text for text in alone)
     assert [text[:6] for text in over_time if "looks wrong" in text] == [f"{rig.names[1]}'s"]
-
-
-def shifts_of(*shift):
-    count = len(shift)
-    size = np.hypot(*np.transpose(shift))
-    return displaced.Shifts(np.array(shift, dtype=float), 1.1 * size, np.zeros(count), np.full(count, 1000))
-
-
-def test_the_worst_camera_is_first_and_rivals_are_named():
-    rig = synthetic.human36m_like()
-    shifts = shifts_of((10.0, 0.0), (0.0, 30.0), (-16.0, 1.0), (0.1, 0.0))
-    found = displaced_cameras(rig, shifts)
-    assert found == [1, 2, 0]
-    (finding,) = find_displaced(rig.names, shifts, found)
-    assert finding.subject.cameras == ("cam2",)
-    assert finding.remedy == (Remedy("adjust_cameras"), Remedy("without", "cam2"))
-    (again,) = find_displaced(rig.names, shifts, found, adjusted=True)
-    assert again.remedy == (Remedy("without", "cam2"),)
-    others = {one["camera"]: one["may_be_the_cause"] for one in finding.numbers["also_displaced"]}
-    assert others == {"cam3": True, "cam1": False}
-    (finding,) = find_displaced(rig.names, shifts, found, {"cam2"})
-    assert finding.remedy == ()
-    assert list(find_displaced(rig.names, shifts, [])) == []

@@ -183,7 +183,6 @@ def test_clocks_of_a_faster_camera_are_in_its_frames():
     [
         ({"cam1": 30}, "fps: expected that of cam2 as well, got cam1 30"),
         ({"cam1": 0, "cam2": 60}, "fps[cam1]: expected a positive number, got 0"),
-        ({"cam1": -5, "cam2": 60}, "fps[cam1]: expected a positive number, got -5"),
         ({"left": 30, "cam2": 60}, "fps: "),
         (0, "fps: expected a positive number, got 0"),
     ],
@@ -201,7 +200,6 @@ def test_rates_that_are_none_are_refused(tmp_path, fps, expected):
         ("cam1=30,cam2", "--fps: expected A=B, each A once, got 'cam2'"),
         ("cam1=30,cam1=60", "--fps: expected A=B, each A once, got 'cam1=60'"),
         ("cam1=fast", "--fps: expected rates, like cam1=30,cam2=59.94, got 'cam1=fast'"),
-        ("cam1=0", "--fps: expected a positive number, got 0"),
         ("cam1=30", "--fps: expected that of cam2, cam3, cam4 as well, got cam1 30"),
     ],
 )

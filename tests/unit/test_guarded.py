@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
+from detection_files import deeplabcut_table
 from skelsplat import io
 from skelsplat.io import _guarded
 from skelsplat.io._arrays import load_npy, load_npz
@@ -83,7 +84,8 @@ class Bomb:
 def test_nothing_is_run(tmp_path, name):
     path, made = tmp_path / name, tmp_path / "made"
     if name == "x.h5":  # PyTables opens pickled attributes
-        write_table(path)
+        pytest.importorskip("tables")
+        deeplabcut_table(np.ones((2, 1, 1, 3)), ["nose"], 0, multi=False).to_hdf(path, key="df_with_missing")
         h5py = pytest.importorskip("h5py")
         with h5py.File(path, "a") as file:
             file["df_with_missing"].attrs["evil"] = np.bytes_(pickle.dumps(Bomb(made), 0))
@@ -99,14 +101,6 @@ def test_nothing_is_run(tmp_path, name):
     with pytest.raises(sk.DatasetError):
         read(path)
     assert not made.exists()
-
-
-def write_table(path: Path) -> None:
-    pandas = pytest.importorskip("pandas")
-    pytest.importorskip("tables")
-    names = [[("s", "nose", coord) for coord in ("x", "y", "likelihood")]]
-    columns = pandas.MultiIndex.from_tuples(*names, names=["scorer", "bodyparts", "coords"])
-    pandas.DataFrame(np.ones((2, 3)), columns=columns).to_hdf(path, key="df_with_missing", format="table")
 
 
 def bomb(depth: int) -> object:

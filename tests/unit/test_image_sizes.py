@@ -14,11 +14,11 @@ from command_line import READ, invoke, read_report, succeed
 from skelsplat import synthetic
 from skelsplat.io import read_npz
 from skelsplat.io.detections import open_detections
+from skelsplat.io.detections._record import Record, Video, write_record
 from skelsplat.run import Job, run_batch
 from skelsplat.run.image_sizes import resizing
 
 KINDS = {"image_sizes_differ"}
-JOINTS = sk.layouts.H36M17.joints
 
 
 @pytest.mark.parametrize(
@@ -37,17 +37,6 @@ def test_what_is_a_copy_in_another_size(old, new, factors):
     assert found is None if factors is None else found.tolist() == list(factors)
 
 
-def write_detect(folder, sizes):
-    """Write ``detect.json`` in the form that `skelsplat detect` gives it, without a frame rate."""
-    videos = {
-        name: {"video": f"{name}.mp4", "size": size, "frame_rate": None, "bytes": 1234, "frames": 5}
-        for name, size in sizes.items()
-    }
-    detector = {"backend": "mediapipe", "version": "0.10.21", "model": "full"}
-    document = {"detector": detector, "layout": "h36m17", "joints": list(JOINTS), "videos": videos}
-    (folder / "detect.json").write_text(json.dumps(document, indent=2))
-
-
 @pytest.fixture
 def detected(recording):
     """Return what states a size for each camera, and divides the detections of some by a factor."""
@@ -56,7 +45,8 @@ def detected(recording):
     whole = {name: list(camera.size) for name, camera in zip(rig.names, rig, strict=True)}
 
     def write(sizes=None, factors=None):
-        write_detect(folder / "pose", {**whole, **(sizes or {})})
+        videos = {name: Video("a.mp4", size, None) for name, size in {**whole, **(sizes or {})}.items()}
+        write_record(folder / "pose", Record({"backend": "own"}, "h36m17", videos=videos))
         for name, factor in (factors or {}).items():
             for path in (folder / "pose" / name).iterdir():
                 (person,) = json.loads(path.read_text())["people"]

@@ -44,20 +44,6 @@ def a_file(root, camera=2, frame=1):
     return root / f"cam{camera:02d}_json" / f"cam{camera:02d}_{frame:012d}_keypoints.json"
 
 
-def test_people_frames_and_cameras(root):
-    found = read(root)
-    assert found.people.shape == (3, 2, 2, N, 3)
-    assert found.camera_names == ("cam_01", "cam_02")
-    assert found.sources == (root / "cam01_json", root / "cam02_json")
-    assert found.layout == "coco17"
-    np.testing.assert_array_equal(found.frames, [0, 1, 2])
-    np.testing.assert_array_equal(found.people[2, 0, 0, :, 0], 120.0 + np.arange(N))
-    np.testing.assert_array_equal(found.people[1, 1, 1, :, 1], 1800.0 + np.arange(N))
-    np.testing.assert_array_equal(found.people[..., 0, :, 2], 0.5)
-    np.testing.assert_array_equal(found.people_per_frame, [[1, 1], [1, 2], [1, 1]])
-    assert np.isnan(found.people[0, 1, 1]).all()
-
-
 @pytest.mark.parametrize("joint", [[0, 0, 0], [5.0, 6.0, 0.0], [float("nan"), float("nan"), 0.9]])
 def test_a_joint_that_was_not_detected_is_nan(root, joint):
     values = person(1.0)

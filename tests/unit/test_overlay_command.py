@@ -37,18 +37,6 @@ BARE = ["--no-legend", "--quiet"]
 LEFT = LAYOUT.left_right[0][0]
 
 
-@pytest.fixture
-def case(tmp_path):
-    return write_run(tmp_path / "run")
-
-
-@pytest.fixture
-def images(tmp_path):
-    for name in ("cam01", "cam02"):
-        write_images(tmp_path / "images" / name)
-    return tmp_path / "images"
-
-
 def overlay(case, videos, out, *args):
     return succeed("overlay", case.folder, videos, "-o", out, *args)
 
@@ -96,10 +84,8 @@ def test_ellipses_follow_the_lens():
     np.testing.assert_allclose(projected[0], np.cov(sample.T), rtol=0.03, atol=0.03 * projected[0].max())
 
 
-def test_one_video_per_camera_with_the_frames_in_order(case, tmp_path):
-    for name in ("cam01", "cam02"):
-        write_video(tmp_path / "videos" / f"{name}.mp4")
-    result = overlay(case, tmp_path / "videos", tmp_path / "out", "--no-legend")
+def test_one_video_per_camera_with_the_frames_in_order(case, videos, tmp_path):
+    result = overlay(case, videos, tmp_path / "out", "--no-legend")
     for name in NAMES:
         frames, rate = read_video(tmp_path / "out" / f"{name}.mp4")
         assert [level(image) for image in frames] == list(range(FRAMES))

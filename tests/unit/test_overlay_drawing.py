@@ -55,15 +55,6 @@ THREE = np.array([[50.0, 50.0], [150.0, 50.0], [150.0, 150.0]])
 NONE = np.full((3, 2), np.nan)
 
 
-def test_joints_and_limbs_have_the_colours_of_their_sides():
-    image = drawn(of(THREE), size=(1920, 1080))  # dots wide enough for a pixel without an edge
-    sides = [bgr(colour) for colour in (_style.LEFT, _style.MIDDLE, _style.RIGHT)]
-    for (u, v), colour in zip(THREE.astype(int), sides, strict=True):
-        assert tuple(image[v, u]) == colour
-    assert tuple(image[50, 100]) == sides[0]
-    assert tuple(image[100, 150]) == sides[2]
-
-
 @pytest.mark.parametrize("place", [(0.0, 0.0), (60.25, 40.75), (60.5, 40.0)])
 def test_a_detection_is_centred_to_a_part_of_a_pixel(place):
     """Pixel (0, 0) has its centre at (0, 0); the mean of the changed pixels, weighted, is the place."""

@@ -8,24 +8,12 @@ import numpy as np
 import pytest
 
 from command_line import assert_fails, invoke
-from overlay_case import FRAMES, NAMES, need_opencv, read_video, write_images, write_run, write_video
+from overlay_case import FRAMES, NAMES, need_opencv, read_video, write_run, write_video
 
 need_opencv()
 
 from skelsplat.exceptions import DatasetError  # noqa: E402
 from skelsplat.io.video import open_sink  # noqa: E402
-
-
-@pytest.fixture
-def case(tmp_path):
-    return write_run(tmp_path / "run")
-
-
-@pytest.fixture
-def videos(tmp_path):
-    for name in ("cam01", "cam02"):
-        write_video(tmp_path / "videos" / f"{name}.mp4")
-    return tmp_path / "videos"
 
 
 def overlay(case, videos, *args):
@@ -79,16 +67,14 @@ def test_a_detector_that_counts_from_one_is_suspected(tmp_path, videos):
     assert kinds == ["video_one_frame_late"] * 2 + ["video_frames_missing"] * 2
 
 
-def test_images_that_cannot_be_read_are_left_out(case, tmp_path):
-    for name in ("cam01", "cam02"):
-        write_images(tmp_path / "images" / name)
-    (tmp_path / "images" / "cam01" / "take2_002.png").write_bytes(b"no image")
-    result = overlay(case, tmp_path / "images", "--fps", 5)
+def test_images_that_cannot_be_read_are_left_out(case, images):
+    (images / "cam01" / "take2_002.png").write_bytes(b"no image")
+    result = overlay(case, images, "--fps", 5)
     assert result.exit_code == 0
     assert "cam01: 1 of the frames 0 to 5" in result.stderr
-    for path in (tmp_path / "images" / "cam01").iterdir():
+    for path in (images / "cam01").iterdir():
         path.write_bytes(b"")
-    assert_fails(overlay(case, tmp_path / "images"), 1, "cam01: images: expected", "6 that it cannot")
+    assert_fails(overlay(case, images), 1, "cam01: images: expected", "6 that it cannot")
 
 
 def test_a_result_never_replaces_a_video_that_is_read(case, tmp_path):

@@ -10,7 +10,7 @@ import pytest
 import skelsplat as sk
 from skelsplat import synthetic, viz
 from skelsplat.layouts import mirror_images
-from skelsplat.run import Job, Run, run
+from skelsplat.run import Run, run
 
 LAYOUT = "h36m17"
 
@@ -121,14 +121,6 @@ def test_show_opens_the_page_which_says_why_the_error_of_two_views_rises(monkeyp
 def test_an_option_that_is_wrong_is_named(job, options, field):
     with pytest.raises(sk.InvalidInputError, match=f"^{field}"):
         job(**options)
-
-
-@pytest.mark.parametrize("option", [{"y_up": True}, {"marker_names": "pose2sim"}])
-def test_an_option_of_pose_files_that_none_takes_is_refused(option):
-    with pytest.raises(sk.InvalidInputError) as error:
-        Job("Calib.toml", "pose", write=("csv", "nc"), **option)
-    assert error.value.argument == next(iter(option))
-    assert Job("Calib.toml", "pose", write=("csv", "trc"), **option).write == ("csv", "trc")
 
 
 @pytest.mark.drawn

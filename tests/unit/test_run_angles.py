@@ -13,7 +13,7 @@ import skelsplat as sk
 from command_line import READ, RESULTS, assert_fails, invoke, read_report, succeed
 from skelsplat.io import read_npz
 from skelsplat.run import Run
-from skelsplat.run.angles import FILES, check_angles
+from skelsplat.run.angles import FILES
 from skelsplat.run.folder import find_in_files
 from skelsplat.run.job import Writing
 
@@ -97,11 +97,6 @@ def test_cameras_without_a_vertical_leave_out_trunk_and_pelvis(finished_run, tmp
     assert report["joint_angles"]["names"][-1] == "right_elbow_flexion"
     with np.load(tmp_path / "out" / "angles.npz") as stored:
         assert np.isnan(stored["up"]).all()
-
-
-def test_a_layout_without_angles_is_refused_before_the_work():
-    with pytest.raises(sk.InvalidInputError, match=r"angles: expected a layout with angles.*, got fly38"):
-        check_angles(sk.layouts.get("fly38"))
 
 
 # plot

@@ -14,6 +14,7 @@ from command_line import READ, invoke, read_report, succeed
 from overlay_case import write_video
 from skelsplat import synthetic
 from skelsplat.io import PoseData, read_detections, read_json, read_npz, write_npz
+from skelsplat.io.detections._record import Record, Video, write_record
 from skelsplat.run import Job, Run, run, solve
 from skelsplat.run.read import open_files
 from skelsplat.run.tracked import read_inputs
@@ -146,12 +147,9 @@ def test_videos_state_the_rate(recording, job, arguments, place):
     assert run(job(fps=None)).outcome.sequence is None
 
 
-def detect_json(folder, rates):
-    """Write ``detect.json`` that states a frame rate by camera."""
-    video = {"video": "a.mp4", "size": [1000, 1002], "bytes": 1, "frames": 5}
-    videos = {name: {**video, "frame_rate": rate} for name, rate in rates.items()}
-    document = {"detector": {}, "layout": LAYOUT, "joints": list(sk.layouts.get(LAYOUT).joints)}
-    (folder / "openpose" / "detect.json").write_text(json.dumps({**document, "videos": videos}))
+def state_rates(folder, rates):
+    videos = {name: Video("a.mp4", (1000, 1002), rate) for name, rate in rates.items()}
+    write_record(folder / "openpose", Record({"backend": "own"}, LAYOUT, videos=videos))
 
 
 def test_rates_of_files_that_differ_are_said_and_no_videos_next_to_them_count(recording, job, arguments):
@@ -160,7 +158,7 @@ def test_rates_of_files_that_differ_are_said_and_no_videos_next_to_them_count(re
     (folder / "videos").mkdir()
     for name in rig.names:
         write_video(folder / "videos" / f"{name}.mp4", count=5, rate=25.0)
-    detect_json(folder, {"cam1": 60, "cam2": 30, "cam3": 60, "cam4": 60.01})
+    state_rates(folder, {"cam1": 60, "cam2": 30, "cam3": 60, "cam4": 60.01})
     found = run(job(fps=None))
     assert (found.inputs.fps, found.inputs.frames.tolist()) == (30, [0, 1, 2])
     (told,) = (one for one in found.findings if one.kind == "frame_rates_differ")
@@ -170,7 +168,7 @@ def test_rates_of_files_that_differ_are_said_and_no_videos_next_to_them_count(re
     assert (told.severity, len(given.inputs.frames)) == ("warning", 5)
     checked = invoke("check-cameras", *arguments[1:3], *READ, "--json")
     assert "frame_rates_differ" in [one["kind"] for one in json.loads(checked.stdout)["findings"]]
-    detect_json(folder, {"cam1": 60, "cam2": None, "cam3": 60, "cam4": 60.01})
+    state_rates(folder, {"cam1": 60, "cam2": None, "cam3": 60, "cam4": 60.01})
     found = run(job(fps=None))
     assert (found.report["solution"]["fps"], found.report["solution"]["fps_from"]) == (60, "files")
     assert "frame_rates_differ" not in [one.kind for one in found.findings]

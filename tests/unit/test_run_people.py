@@ -15,7 +15,7 @@ from detection_cases import CASES
 from detection_files import Take
 from skelsplat import synthetic
 from skelsplat.io import write_calibration
-from skelsplat.run import Job, PeopleRun, Run, run, run_people
+from skelsplat.run import Job, PeopleRun, Run, run, run_batch, run_people
 from skelsplat.run.figures import tracks_of
 from two_people import LAYOUT, crossing, seen, shuffled
 
@@ -209,6 +209,12 @@ def test_one_person_is_the_same_as_among_all(recording, found):
     np.testing.assert_array_equal(one.poses.pose, found.people[1].poses.pose)
     np.testing.assert_array_equal(one.poses.uncertainty, found.people[1].poses.uncertainty)
     assert one.report["input"]["person"] == "1"
+
+
+def test_in_the_table_of_a_batch_everybody_has_a_row(recording, tmp_path):
+    rows = run_batch({"walk": job(recording, write=(), html=False)}, tmp_path).rows()
+    shown = [(row["recording"], row["person"], row["frames"], row["frame_rate_hz"]) for row in rows]
+    assert shown == [("walk", identity, FRAMES, FPS) for identity in (0, 1)]
 
 
 @pytest.mark.parametrize("views", [(1, 2), (1, 1)])
