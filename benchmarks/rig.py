@@ -3,6 +3,7 @@
     python benchmarks/rig.py [--views 3 --views 4] [--faults "turn 1"] [--takes 20]
     python benchmarks/rig.py --people 3                  judged by one person, and by everybody
     python benchmarks/rig.py --sample                    clocks in the recording of the demo
+    python benchmarks/rig.py --real FOLDER               20 s of Human3.6M, of tools/h36m_hourglass.py
 
 Simulated: CMU motions of ten seconds at 30 Hz (without the data: the package's synthetic motions), detections
 with memory (`recordings.noise`), and one camera, in half of the takes two of five or more, that was turned or
@@ -45,6 +46,7 @@ FAULTS = (
     *("sound", "turn 0.2", "turn 1", "move 20", "move 100", "focal 0.02", "clock 0.3", "clocks 10"),
     "turn 3, another late 3",
 )
+REAL_FAULTS = ("sound", "turn 0.5", "turn 1", "turn 3", "move 100")
 BY_PEOPLE = ("sound", "turn 1", "turn 10", "move 100")
 OUTCOMES = ("set right", "beyond", "doubt", "within", "missed", "refused", "wrong")
 # What rounding leaves: degrees, mm, share, frames.
@@ -185,6 +187,24 @@ def summary(verdicts: list[Verdict]) -> dict[str, Any]:
     return row
 
 
+def real_case(path: Path, kind: str, size: float, seed: int) -> Case:
+    """Return a real take with a fault in one of its cameras."""
+    from calibrate import filmed
+
+    one, rng = filmed(path, "known"), np.random.default_rng(seed)
+    faulty = {int(rng.integers(len(one.true)))} if kind != "sound" else set()
+    given = [spoilt(c, kind, size, rng) if i in faulty else c for i, c in enumerate(one.true)]
+    return Case(one.true, given, one.late, faulty, one.detections)
+
+
+def measured_in_real(name: str, paths: list[Path]) -> dict[str, Any]:
+    """Measure one fault in real takes."""
+    kind, _, size = name.partition(" ")
+    cases = (real_case(path, kind, float(size or 0), seed) for seed, path in enumerate(paths))
+    given = {"focal": kind == "focal", "config": ONE_THREAD}
+    return summary([verdict(one, sk.adjust_cameras(one.detections, one.given, **given)) for one in cases])
+
+
 def measured(name: str, views: int, takes: int) -> dict[str, Any]:
     """Measure one fault in one rig."""
     fault, _, another = name.partition(", another late ")
@@ -250,10 +270,17 @@ def rig(
     takes: int = 20,
     people: int = 0,
     sample: bool = False,
+    real: Path | None = None,
+    subjects: tuple[str, ...] = ("S1", "S5", "S6", "S7", "S8"),
 ) -> Iterator[Table]:
-    """Measure faults in rigs, or what the last two name."""
+    """Measure faults in rigs, or what the last names say."""
     if sample:
         yield clocks_of_the_demo()
+    elif real is not None:
+        every = sorted(path for path in real.glob("*.npz") if path.stem.split("_")[0] in subjects)
+        paths = every[:: max(1, len(every) // takes)]
+        rows = {fault: measured_in_real(fault, paths) for fault in faults or REAL_FAULTS}
+        yield Table.of(f"{len(paths)} real takes, Human3.6M, {', '.join(subjects)}", "fault", rows)
     elif people:
         found = [measured_by_people(fault, 4, takes, people) for fault in faults or BY_PEOPLE]
         rows = {name: row for each in found for name, row in each.items()}
