@@ -23,17 +23,24 @@ def of_moved(found: sk.RigCalibration, times: Sequence[tuple[int, str]]) -> Iter
     """Name cameras in step that were moved while they recorded, in frames of these numbers and recordings."""
     several = len({name for _, name in times}) > 1
     for one in found.report:
-        if one.span is None or "clocks" in found.doubts:
+        if one.span is None or one.status == "left_out" or "clocks" in found.doubts:
             continue
         first, end = one.span
         frame, name = times[first or end]
         of = f" of {name}" if several else ""
         part = "from there on" if first else "before"
-        sentence = f"{one.name} was moved while it recorded, about frame {frame}{of}. It is placed where it "
-        sentence += f"was {part}: the other part needs a calibration of its own."
+        words = f"{one.name} was moved while it recorded, about frame {frame}{of}. It is placed where it "
+        words += f"was {part}: the other part needs a calibration of its own."
         share = {"since": frame, "part": "after" if first else "before"}
-        subject = Subject((one.name,), frames=(frame,))
-        yield Finding("camera_moved", "warning", subject, share, sentence=sentence)
+        yield Finding("camera_moved", "warning", Subject((one.name,), frames=(frame,)), share, sentence=words)
+
+
+def of_clocks(found: sk.RigCalibration, recording: str = "") -> Iterator[Finding]:
+    """Name cameras that are out of step: in a recording, of several."""
+    for one in found.report:
+        if offset_of(one, ReadAs()):
+            numbers = {"camera": one.name, "clock_frames": one.clock, "clock_sigma_frames": one.clock_sigma}
+            yield late(numbers, recording=recording)
 
 
 def of_calibration(found: sk.RigCalibration, clock: bool) -> Iterator[Finding]:
@@ -41,11 +48,11 @@ def of_calibration(found: sk.RigCalibration, clock: bool) -> Iterator[Finding]:
 
     Whether clocks were looked for, which otherwise is a remedy.
     """
+    if found.sure and not clock:
+        yield from of_clocks(found)
     usual = np.nanmedian([one.explained for one in found.report])
     for i, one in enumerate(found.report):
         subject = Subject((one.name,))
-        if found.sure and not clock and offset_of(one, ReadAs()):
-            yield late({"camera": one.name, "clock_frames": one.clock, "clock_sigma_frames": one.clock_sigma})
         if one.status == "left_out":
             words = f"{one.name} was left out: it shares too little with the other cameras, or contradicts "
             words += "them. Does it see the same person at the same time, and is its image not mirrored?"
