@@ -237,12 +237,10 @@ def calibrate_cameras(
     out_of_step = clock or any(found["clock"])
     for name, estimated in (("zoom_sigma", focal), ("clock_sigma", out_of_step)):
         found[name][:] = found[name] if estimated else np.nan
-    doubts = [name for name, holds in (("clocks", start.late), ("periodic", start.tied)) if holds]
     count = int(sum(found["used"]))
-    if 2 * count <= len(blank) or (focal and count < 3):
-        doubts.append("cameras")
-    if found["moved"]:
-        doubts.append("moved")
+    few = 2 * count <= len(blank) or (focal and count < 3)
+    why = {"clocks": start.late, "periodic": start.tied, "cameras": few, "moved": found["moved"]}
+    doubts = [name for name, holds in why.items() if holds]
     return _in_world(everyone, cameras, found, skeleton, size, doubts)
 
 

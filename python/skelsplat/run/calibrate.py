@@ -236,7 +236,7 @@ def calibrate_cameras(
         focal=not isinstance(first.lenses[0], sk.Camera),
         scale="distance" if distance is not None else "adults" if stature is None else "stature",
         recordings=tuple(map(partial(_recorded, result, times), seen, offsets)),
-        findings=(*kept, *told, *of_moved(result, times), *of_calibration(result, clock)),
+        findings=(*kept, *told, *of_moved(result, times), *of_calibration(result, clock, same_focal)),
         layout=first.detections.skeleton,
         frames=seen[0].frames if len(seen) == 1 else seen[0].step * np.arange(len(result.people[0])),
         fps=first.detections.frame_rate,
