@@ -209,15 +209,8 @@ def calibrate_cameras(
     with collected_warnings() as warnings:
         read = {name: value for name, value in (read or {}).items() if value is not None}
         _check_lenses(intrinsics, read, videos, same_focal)
-        recordings = [
-            _with_lenses(path, intrinsics, read, **given)
-            if intrinsics is not None
-            else _named(path, videos, read.get("size"), **given)
-            for path in different(detections)
-        ]
-        first, *others = recordings
-        for other in others:
-            _check_alike(first, other)
+        recordings = _opened(different(detections), intrinsics, read, videos, given)
+        first = recordings[0]
         if distance is not None:
             *ends, metres = distance
             a, b = (camera_called(end, first.detections.camera_names, "distance") for end in ends)
@@ -257,14 +250,22 @@ def _check_lenses(
         raise InvalidInputError("videos: expected none with intrinsics=, which state the image sizes")
 
 
-def _check_alike(first: _Recording, other: _Recording) -> None:
-    """Refuse a recording of other cameras or joints."""
-    a, b = first.detections, other.detections
-    joints = tuple(a.skeleton.joints), tuple(b.skeleton.joints)
-    for what, known, found in (("cameras", a.camera_names, b.camera_names), ("joints", *joints)):
-        if known != found:
-            expected = f"those of {first.path}, {', '.join(known)}"
-            raise DatasetError(other.path, what, expected, ", ".join(found))
+def _opened(
+    paths: Sequence[Path], intrinsics: Path | None, read: dict[str, Any], videos: Path | None, given: Any
+) -> list[_Recording]:
+    """Open recordings, whose lenses are known or not, all of the same cameras and joints."""
+    if intrinsics is not None:
+        recordings = [_with_lenses(path, intrinsics, read, **given) for path in paths]
+    else:
+        recordings = [_named(path, videos, read.get("size"), **given) for path in paths]
+    a = recordings[0].detections
+    for path, b in zip(paths, (one.detections for one in recordings), strict=True):
+        joints = tuple(a.skeleton.joints), tuple(b.skeleton.joints)
+        for what, known, found in (("cameras", a.camera_names, b.camera_names), ("joints", *joints)):
+            if known != found:
+                expected = f"those of {paths[0]}, {', '.join(known)}"
+                raise DatasetError(path, what, expected, ", ".join(found))
+    return recordings
 
 
 def _calibrated(
@@ -281,15 +282,14 @@ def _calibrated(
         parts.append(one.people if alone is None else _in_step(one.people, alone))
         offsets.append(own.offsets if alone is None else _offsets(one.in_files(alone), own))
         told += () if alone is None else of_clocks(one.in_files(alone), str(one.recording.path))
-    most = max(part.shape[2] for part in parts)
-    together = one_after_another([padded(part, most) for part in parts])
+    together = one_after_another([padded(part, max(one.shape[2] for one in parts)) for part in parts])
     asked = {**asked, "progress": part_of(progress, len(seen) * several, len(seen) + several)}
     found = seen[0].in_files(seen[0].calibrated(together, clock=clock and not several, **asked))
     each = [_offsets(found, ReadAs(offsets=own)) for own in offsets]
     shared = all(one == each[0] for one in each)
     clocks = {name: -offset for name, offset in each[0].items()} if shared else {}
-    cameras = replace(found.cameras, clocks=clocks)
-    return replace(found, cameras=cameras), [{}] * len(each) if shared else each, told
+    found = replace(found, cameras=replace(found.cameras, clocks=clocks))
+    return found, [{}] * len(each) if shared else each, told
 
 
 def _times(seen: Sequence[_Seen]) -> list[tuple[int, str]]:
