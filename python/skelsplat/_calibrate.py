@@ -15,7 +15,8 @@ from skelsplat import layouts
 from skelsplat._arrays import Array, numbers, positive
 from skelsplat._clocks import in_step
 from skelsplat._frozen import frozen, without_frozen
-from skelsplat._placing import Task
+from skelsplat._placing import Steps, Task
+from skelsplat._refine import Progress, reporter
 from skelsplat._skelsplat import Camera, Layout, RefineConfig, triangulate
 from skelsplat._words import length, percent, size_text
 from skelsplat._world import ADULT, body_size, find_floor, mean_size, moved, movement, upright
@@ -52,8 +53,9 @@ _SURE_JOINTS = 0.07
 # Somebody who moves less, relative to the size of the body, shows the same few points in every frame: their
 # errors do not average out, and error bars are too small.
 _LEAST_MOVED = 0.3
-# What the core finds of each camera in one number.
-_NUMBERS = ("clock", "turn_sigma", "zoom_sigma", "clock_sigma", "distance", "explained", "zoom")
+# What the core finds of each camera in one number, by the names of `CalibratedCamera`.
+_NUMBERS = {name: name for name in ("clock", "turn_sigma", "clock_sigma", "explained", "zoom")}
+_NUMBERS |= {"focal_sigma": "zoom_sigma", "error": "distance"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,6 +182,7 @@ def calibrate_cameras(
     same_focal: bool = False,
     clock: bool = False,
     config: RefineConfig | None = None,
+    progress: bool | Progress = False,
 ) -> RigCalibration:
     """Find where cameras are from the detections of people who move about: no board, no wand.
 
@@ -207,8 +210,9 @@ def calibrate_cameras(
     clock : bool
         Look for clocks that differ by up to 10 s, and to parts of a frame; needs ``fps``. Otherwise clocks
         are equal, unless they are clearly not, by half a frame to some frames.
-    config
-        As in ``refine``. Of the settings, ``min_confidence``, ``undistort`` and ``n_threads`` count.
+    config, progress
+        As in ``refine``. Of the settings, ``min_confidence``, ``undistort`` and ``n_threads`` count. Progress
+        is in steps, of which more may turn out to be needed.
 
     Raises
     ------
@@ -226,17 +230,17 @@ def calibrate_cameras(
     most_lag = min(_most_lag(clock, fps), len(seen))
     known = seen if seen.shape[4] == 2 else np.where(seen[..., 2:] >= options.min_confidence, seen, np.nan)
     lenses = blank if options.undistort else [without_distortion(camera) for camera in blank]
-    task = Task(blank, lenses, skeleton, focal, focal and same_focal, clock, most_lag, fps, options)
-    everyone, start, cameras, found = task.solved(known)
+    with reporter(progress) as report:
+        steps = Steps(report or (lambda *_: None), math.comb(len(blank), 2))
+        task = Task(blank, lenses, skeleton, focal, same_focal, clock, most_lag, fps, options, steps)
+        everyone, start, cameras, found = task.solved(known)
     out_of_step = clock or any(found["clock"])
     for name, estimated in (("zoom_sigma", focal), ("clock_sigma", out_of_step)):
         found[name][:] = found[name] if estimated else np.nan
-    doubts = [name for name, holds in (("clocks", start.late), ("periodic", start.tied)) if holds]
     count = int(sum(found["used"]))
-    if 2 * count <= len(blank) or (focal and count < 3):
-        doubts.append("cameras")
-    if found["moved"]:
-        doubts.append("moved")
+    few = 2 * count <= len(blank) or (focal and count < 3)
+    why = {"clocks": start.late, "periodic": start.tied, "cameras": few, "moved": found["moved"]}
+    doubts = [name for name, holds in why.items() if holds]
     return _in_world(everyone, cameras, found, skeleton, size, doubts)
 
 
@@ -371,21 +375,23 @@ class _Size:
         cls, stature: float | None, distance: tuple[str | int, str | int, float] | None, names: Sequence[str]
     ) -> _Size:
         """Return what the user gave, or raise an error that names the argument."""
-        if distance is not None and len(distance) != 3:
-            raise InvalidInputError(f"distance: expected two cameras and metres, got {distance}")
-        lengths = (("stature", stature), ("distance", None if distance is None else distance[2]))
-        for argument, metres in lengths:
-            if metres is not None:
-                positive(argument, metres, "length in metres")
-        if stature is not None and not _SHORTEST <= stature <= _TALLEST:
-            raise InvalidInputError(f"stature: expected metres, {_SHORTEST} to {_TALLEST}, got {stature}")
         if distance is None:
+            if stature is not None:
+                positive("stature", stature, "length in metres")
+                if not _SHORTEST <= stature <= _TALLEST:
+                    expected = f"metres, {_SHORTEST} to {_TALLEST}"
+                    raise InvalidInputError(f"stature: expected {expected}, got {stature}")
             return cls(stature)
+        if stature is not None:
+            raise InvalidInputError("stature: expected none with distance=, which gives the scale")
+        if len(distance) != 3:
+            raise InvalidInputError(f"distance: expected two cameras and metres, got {distance}")
+        positive("distance", distance[2], "length in metres")
         ends = [names[i] if isinstance(i, int) and i in range(len(names)) else str(i) for i in distance[:2]]
         for end in ends:
             if end not in names or ends[0] == ends[1]:
                 raise InvalidInputError(f"distance: expected two of {', '.join(names)}, got {end}")
-        return cls(stature, (ends[0], ends[1]), distance[2])
+        return cls(None, (ends[0], ends[1]), distance[2])
 
     def of(self, rig: CameraRig, shown: float, error: float) -> tuple[float, float]:
         """Return millimetres per unit of a rig, and its relative standard error.
@@ -410,17 +416,11 @@ class _Size:
 
 def _report(found: Mapping[str, Any], names: Sequence[str], i: int, axes: Array) -> CalibratedCamera:
     """Return what was found about camera `i`, in a world of these scaled axes (3, 3), rows."""
-    value = {name: float(found[name][i]) for name in _NUMBERS}
+    values = {name: float(found[key][i]) for name, key in _NUMBERS.items()}
     return CalibratedCamera(
-        name=names[i],
-        status="placed" if found["used"][i] else "left_out",
-        clock=value["clock"],
-        turn_sigma=math.degrees(value["turn_sigma"]),
-        focal_sigma=value["zoom_sigma"],
-        clock_sigma=value["clock_sigma"],
-        error=value["distance"],
-        explained=value["explained"],
-        zoom=value["zoom"],
+        names[i],
+        "placed" if found["used"][i] else "left_out",
+        **values | {"turn_sigma": math.degrees(values["turn_sigma"])},
         place_covariance=axes @ found["shift_covariance"][i] @ axes.T,
         span=found["spans"].get(i),
     )

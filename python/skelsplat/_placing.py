@@ -2,22 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from skelsplat import _skelsplat
 from skelsplat._arrays import Array, Index, take_people
+from skelsplat._refine import Progress
 from skelsplat._skelsplat import Camera, Layout, RefineConfig
 from skelsplat._start import LEAST_JOINTS, Start, first_guess
 from skelsplat._who import GAP, first_frames, one_after_another, taken, told_by_lines, told_by_rig
 from skelsplat.cameras import altered
 from skelsplat.exceptions import DegenerateGeometryError
 
-# How often several people are told apart by the cameras that were found.
-_ROUNDS = 1
+
+@dataclass
+class Steps:
+    """How many steps are done, of those known: a pair of views is one, all of them are as long as a fit."""
+
+    report: Progress
+    pairs: int
+    done: int = 0
+    known: int = 0
+
+    def take(self, count: int = 1) -> None:
+        """Report so many more as done."""
+        self.done += count
+        self.report(self.done, self.known)
 
 
 @dataclass(frozen=True)
@@ -33,6 +47,7 @@ class Task:
     most_lag: int
     fps: float | None
     config: RefineConfig
+    steps: Steps
 
     def solved(self, people: Array) -> tuple[list[Array], Start, list[Camera], dict[str, Any]]:
         """Return everybody's detections (T', M, N, D) among people (T, M, P, N, D), a first guess, and a rig.
@@ -50,6 +65,7 @@ class Task:
             spans[view] = (first, since) if since - first > end - since else (since, end)
             people = people.copy()
             people[: spans[view][0], view] = people[spans[view][1] :, view] = np.nan
+        self.steps.take(self.steps.known - self.steps.done)
         return everyone, start, cameras, found | {"spans": spans}
 
     def told_apart(self, people: Array) -> tuple[list[Array], Start, list[Camera], dict[str, Any]]:
@@ -58,23 +74,27 @@ class Task:
         Several people are told apart by pairs of views, and then by the cameras that were found.
         """
         several = people.shape[2] > 1
-        places = told_by_lines(people, self.lenses, self.most_lag) if several else []
+        self.steps.known += self.steps.pairs * (4 if several else 2)
+        places = told_by_lines(people, self.lenses, self.most_lag, self.compared()) if several else []
         everyone = taken(people, places) if several else [people[:, :, 0]]
         start = self.guessed(everyone, several)
         guess = {i: (start.cameras[i], float(start.clocks[i])) for i in start.cameras}
         cameras, found = self.adjusted(everyone, first_frames(places), guess)
-        for _ in range(_ROUNDS if several else 0):
-            used = [int(i) for i in np.flatnonzero(found["used"])]
-            clocks = {i: float(found["clock"][i]) for i in used}
-            again = told_by_rig(people, {i: cameras[i] for i in used}, clocks, self.layout, self.fps)
-            if not again or np.array_equal(again, places):
-                break
+        used = {int(i): cameras[i] for i in np.flatnonzero(found["used"])}
+        clocks = {i: float(found["clock"][i]) for i in used}
+        again = told_by_rig(people, used, clocks, self.layout, self.fps) if several else []
+        if again and not np.array_equal(again, places):
             places, everyone = again, taken(people, again)
-            cameras, found = self.adjusted(
-                everyone, first_frames(places), {i: (cameras[i], clocks[i]) for i in used}
-            )
+            guess = {i: (camera, clocks[i]) for i, camera in used.items()}
+            cameras, found = self.adjusted(everyone, first_frames(places), guess)
         everybody = [take_people(people, one) for one in places] if several else everyone
         return everyone, start, cameras, found | {"people": everybody}
+
+    def compared(self) -> Iterator[tuple[int, int]]:
+        """Yield each two views, and report a step after each."""
+        for pair in combinations(range(len(self.cameras)), 2):
+            yield pair
+            self.steps.take()
 
     def together(self, everyone: Sequence[Array]) -> Array:
         """Return the detections of everybody as those of one recording."""
@@ -90,7 +110,8 @@ class Task:
         """Return a first guess of the rig."""
         start = None
         if everyone:
-            start = first_guess(self.together(everyone), self.lenses, self.layout, self.most_lag)
+            together = self.together(everyone)
+            start = first_guess(together, self.lenses, self.layout, self.most_lag, self.compared())
         if start is None:
             expected, got = f"at least {LEAST_JOINTS} joints that two views see in the same frames", "fewer"
             if several:
@@ -107,7 +128,7 @@ class Task:
         clocks: list[float | None] = [None] * len(placed)
         for i, (camera, clock) in guess.items():
             placed[i], clocks[i] = altered(placed[i], R=camera.R, t=camera.t), clock
-        return _skelsplat.calibrate_cameras(
+        adjusted = _skelsplat.calibrate_cameras(
             self.together(everyone),
             placed,
             clocks,
@@ -118,3 +139,5 @@ class Task:
             clock=self.clock or any(clocks),
             config=self.config,
         )
+        self.steps.take(self.steps.pairs)
+        return adjusted

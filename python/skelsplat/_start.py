@@ -7,9 +7,8 @@ not the proportions of people. The joints that a good pair places give the place
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from operator import itemgetter
 
 import numpy as np
@@ -50,6 +49,8 @@ _NEAR = 15
 # The least overlap of two recordings, frames; half of them at least.
 _LEAST_OVERLAP = 60
 
+Views = Iterable[tuple[int, int]]  # in pairs
+
 
 @dataclass(frozen=True)
 class Pair:
@@ -74,15 +75,17 @@ class Start:
     late: bool = False  # whether clocks that were not looked for explain more
 
 
-def first_guess(detections: Array, cameras: Sequence[Camera], layout: Layout, most_lag: int) -> Start | None:
-    """Return where cameras may be; None if no two views share enough joints.
+def first_guess(
+    detections: Array, cameras: Sequence[Camera], layout: Layout, most_lag: int, views: Views
+) -> Start | None:
+    """Return where cameras may be, by these pairs of views; None if no two share enough joints.
 
     ``detections`` are (T, M, N, 2|3), distorted pixels, NaN where missing. Lags of up to ``most_lag`` frames
     are tried where the motion of the joints looks alike, and the one is taken with which the epipolar
     geometry explains most.
     """
     recording = _Recording(detections[..., :2], cameras, rays_of(detections, cameras), layout)
-    pairs = list(recording.pairs(most_lag))
+    pairs = list(recording.pairs(most_lag, views))
     best = sorted(pairs, key=lambda pair: -pair.support / pair.uneven)[:_STARTS]
     grown = [recording.grown(pair, pairs) for pair in best]
     start = min(grown, key=recording.misses, default=None)
@@ -191,17 +194,15 @@ class _Recording:
     rays: Array
     layout: Layout
 
-    def pairs(self, most_lag: int) -> Iterator[Pair]:
+    def pairs(self, most_lag: int, views: Views) -> Iterator[Pair]:
         """Yield every pair of views that share enough joints."""
-        views = range(len(self.cameras))
-        moves = [speeds_of(self.rays[:, i]) for i in views] if most_lag else []
-        for a, b in combinations(views, 2):
+        moves = [speeds_of(one) for one in self.rays.swapaxes(0, 1)] if most_lag else []
+        for a, b in views:
             farthest = from_line(self.cameras[a], self.cameras[b])
             first, second, lag, tied = self.rays[:, a], self.rays[:, b], 0, False
             if most_lag:
                 lag, tied = _best_lag(first, second, lags_of(moves[a], moves[b], most_lag), farthest)
-            found = relative(first, second, lag, farthest, _FOUND)
-            if found is not None:
+            if (found := relative(first, second, lag, farthest, _FOUND)) is not None:
                 R, t, support = found
                 start = Start({a: self.cameras[a], b: self.placed(b, R, _BASE * t)}, {a: 0, b: lag})
                 points = self.points(start, self.frames(start))
@@ -295,9 +296,7 @@ class _Recording:
             lags = lags_of(speeds_of(first), speeds_of(second), len(first))
             lag, _ = _best_lag(first, second, lags, farthest)
             now, then = (relative(first, second, one, farthest, COMPARED) for one in (0, lag))
-            if now is None or then is None or abs(lag) <= _NEAR:
-                continue
-            if now[2] < _IN_STEP * then[2]:
+            if now and then and abs(lag) > _NEAR and now[2] < _IN_STEP * then[2]:
                 return True
         return False
 
@@ -306,10 +305,8 @@ class _Recording:
         frames = self.frames(start)
         points = self.points(start, frames)
         seen = np.stack([self.at(self.pixels, i, frames, start) for i in start.cameras], axis=1)
-        distance = np.linalg.norm(
-            np.moveaxis(project(points, list(start.cameras.values())), 0, 1) - seen, axis=-1
-        )
-        return len(self.cameras) - len(start.cameras), float(np.nanmedian(distance))
+        off = np.moveaxis(project(points, list(start.cameras.values())), 0, 1) - seen
+        return len(self.cameras) - len(start.cameras), float(np.nanmedian(np.linalg.norm(off, axis=-1)))
 
 
 def _unevenness(points: Array, layout: Layout) -> float:
@@ -327,18 +324,16 @@ def _best_lag(a: Array, b: Array, lags: Index, farthest: float) -> tuple[int, bo
         found = relative(a, b, lag, farthest, COMPARED)
         return -1.0 if found is None else found[2]
 
+    def around(lag: int) -> tuple[int, float]:
+        some = range(lag - _BESIDE, lag + _BESIDE + 1)
+        return max(((one, support(one)) for one in some), key=itemgetter(1))
+
     rough = {int(lag): support(int(lag)) for lag in lags}
     ranked = sorted(rough, key=rough.__getitem__, reverse=True)
     rival = next((lag for lag in ranked if abs(lag - ranked[0]) > 2 * _BESIDE), None)
-    best, most = max(_around(ranked[0], support), key=itemgetter(1))
+    best, most = around(ranked[0])
     if rival is None:
         return best, False
-    other, as_much = max(_around(rival, support), key=itemgetter(1))
+    other, as_much = around(rival)
     tied = min(most, as_much) > _TIED * max(most, as_much)
     return (best if most >= as_much else other), tied
-
-
-def _around(lag: int, support: Callable[[int], float]) -> Iterator[tuple[int, float]]:
-    """Yield the lags near one, with what each explains."""
-    for near in range(lag - _BESIDE, lag + _BESIDE + 1):
-        yield near, support(near)

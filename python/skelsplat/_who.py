@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations, pairwise
+from itertools import pairwise
 from operator import itemgetter
 
 import numpy as np
@@ -22,6 +22,7 @@ from skelsplat._skelsplat import Camera, Layout
 from skelsplat._start import (
     COMPARED,
     LEAST_JOINTS,
+    Views,
     from_line,
     lags_of,
     off_lines,
@@ -109,8 +110,8 @@ def told_by_rig(
     return everyone
 
 
-def told_by_lines(people: Array, cameras: Sequence[Camera], most_lag: int) -> list[Places]:
-    """Return everybody whom two views show, by what the epipolar geometry of pairs of views explains.
+def told_by_lines(people: Array, cameras: Sequence[Camera], most_lag: int, pairs: Views) -> list[Places]:
+    """Return everybody whom two views show, by what the epipolar geometry of these pairs of views explains.
 
     ``people`` are (T, M, P, N, 2|3), distorted pixels, NaN where missing.
     """
@@ -122,7 +123,7 @@ def told_by_lines(people: Array, cameras: Sequence[Camera], most_lag: int) -> li
     apart: Mask = np.zeros(speak.shape, dtype=np.bool_)
     for view, part in zip(views, own, strict=True):
         apart[part, part] = view.together
-    for a, b in combinations(range(len(views)), 2):
+    for a, b in pairs:
         speak[own[a], own[b]] = _compared(views[a], views[b], most_lag)
     group = _joined(speak + speak.T, apart)
     everyone = []
@@ -163,10 +164,8 @@ class _View:
 
     def speeds(self) -> Array:
         """Return how fast everybody's joints move, (T, N): the sum over tracks."""
-        total = np.zeros((len(self.rays), self.rays.shape[2]))
-        for k in range(self.count):
-            total += speeds_of(self.of_track(k))
-        return total
+        none = np.zeros((len(self.rays), self.rays.shape[2]))
+        return sum((speeds_of(self.of_track(k)) for k in range(self.count)), start=none)
 
     def of_track(self, number: int) -> Array:
         """Return the rays of a track, (T, N, 2)."""

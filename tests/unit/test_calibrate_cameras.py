@@ -194,23 +194,17 @@ def test_error_bars_hold_what_a_lens_that_may_be_wrong_would_change(zooms: tuple
 
 
 def test_lenses_of_other_images_are_doubted() -> None:
-    def given(*factors: float) -> sk.RigCalibration:
-        lenses = [
-            altered(one, K=np.diag([factor, factor, 1.0]) @ np.asarray(one.K))
-            for one, factor in zip(RIG, factors, strict=True)
-        ]
-        return sk.calibrate_cameras(walk(), lenses, layout=LAYOUT)
+    def zoomed(*zooms: float) -> list[sk.Camera]:
+        each = zip(RIG, zooms, strict=True)
+        return [altered(one, K=np.diag([zoom, zoom, 1.0]) @ np.asarray(one.K)) for one, zoom in each]
 
     for wrong in ((0.8,) * 4, (1.0, 1.0, 1.15, 1.0)):
-        found = given(*wrong)
+        found = sk.calibrate_cameras(walk(), zoomed(*wrong), layout=LAYOUT)
         assert found.doubts == ("lenses",)
         assert [one.zoom for one in found.report] == pytest.approx(1 / np.array(wrong), rel=0.05)
         assert [one.zoom == 1.0 for one in found.report] == [factor == 1.0 for factor in wrong]
     assert [one.zoom for one in known().report] == [1.0] * 4
-    zooms = (1.0, 1.0, 1.0, 1.5)
-    other = [
-        altered(one, K=np.diag([z, z, 1.0]) @ np.asarray(one.K)) for one, z in zip(RIG, zooms, strict=True)
-    ]
+    other = zoomed(1.0, 1.0, 1.0, 1.5)
     poses, noise = roaming((20 + np.arange(FRAMES)) / FPS), DetectionNoise.recording(frame_rate=FPS)
     unlike = synthetic.simulate_detections(poses, other, noise=noise, layout=LAYOUT, seed=3)
     assert "lenses" in sk.calibrate_cameras(unlike, BLANK, layout=LAYOUT, same_focal=True).doubts
@@ -352,6 +346,7 @@ MIXED = [*list(RIG)[:3], BLANK[3]]
         ("stature", {"stature": -1.7}),
         ("stature", {"stature": 175.0}),
         ("stature", {"stature": "tall"}),
+        ("stature", {"stature": 1.7, "distance": (0, 1, 7.5)}),
         ("fps", {"fps": 0}),
         ("same_focal", {"same_focal": True}),
         ("detections", {"detections": walk()[:, [0, 1, 1, 3]]}),

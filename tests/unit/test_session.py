@@ -70,11 +70,17 @@ def test_recordings_have_the_same_cameras_and_joints(room, tmp_path):
 
 @pytest.mark.parametrize("clock", [True, swept(False)])  # some frames are found unasked
 def test_a_rig_is_found_from_all_with_their_clocks(room, clock):
-    given = {"layout": "h36m17", "fps": 50.0, "stature": 1.7, "clock": clock}
-    found = calibrate_cameras(recordings(room), room / "Calib.toml", **given)
+    given, steps = {"layout": "h36m17", "fps": 50.0, "stature": 1.7, "clock": clock}, []
+    found = calibrate_cameras(
+        recordings(room), room / "Calib.toml", progress=lambda *one: steps.append(one), **given
+    )
+    assert steps == sorted(steps)
+    assert steps[-1][0] == steps[-1][1]
     assert [one.frames for one in found.recordings] == [40, 40]
     assert [one.offsets["cam2"] for one in found.recordings] == pytest.approx([-4, 3], abs=0.5)
     assert found.found.clocks == dict.fromkeys(RIG.names, 0.0)
+    late = [one.numbers["clock_frames"] for one in found.findings if one.subject.cameras == ("cam2",)]
+    assert late == pytest.approx([4, -3], abs=0.5)
     alone = calibrate_cameras(room / "first", room / "Calib.toml", **given)
     bars = [max(one.place_sigma for one in each.found.report) for each in (alone, found)]
     assert bars[1] < bars[0]

@@ -29,7 +29,7 @@ from skelsplat.run.calibrate import calibrate_cameras as run_calibration
 from skelsplat.run.tables import of_calibrated
 
 _EPILOG = "Exit status: 0 written; 1 failed, or the recording does not tell where the cameras are."
-_FORWARDED = ("layout", "frames", "format", "mapping", "sequence", "fps")  # to refine
+_FORWARDED = ("layout", "frames", "format", "mapping", "sequence", "fps", "person")  # to refine
 _OF_FILE = tuple(
     replace(row, panel="Cameras", common=False) for row in options.CALIBRATION[1:] if row.name != "size"
 )
@@ -106,8 +106,9 @@ def calibrate(
     source = given.get("intrinsics") or detections[0]
     options.check_output("--output", output, source, "calibration", WRITTEN, force=force)
     _check_report(report, source, force=force)
-    with progress("steps", first="finding the cameras"):
-        found = run_calibration(detections, **options.reading(given))
+    with progress("steps", first="finding cameras") as show:
+        tell = partial(show, "finding cameras")
+        found = run_calibration(detections, progress=tell, **options.reading(given))
     sure = found.found.sure
     commands = []
     if sure:
@@ -126,7 +127,6 @@ def calibrate(
         **found.to_dict(),
         "refine": commands,
     }
-
     show = partial(_print, found, output, report, commands)
     return Answer(document, show, partial(tell_all, found.findings), status=0 if sure else 1)
 
@@ -143,10 +143,11 @@ def _again(context: typer.Context, recorded: Recorded, *, several: bool) -> Iter
     """Yield the words after ``skelsplat refine CALIBRATION`` that refine a recording."""
     name = "-".join(part for part in recorded.path.parts if part.strip("./"))
     yield from (str(recorded.path), "-o", f"out-{name}" if several else "out")
-    of_frames = source_of(context, "frames") != "DEFAULT"
     yield from chain.from_iterable(given_again(context, [row for row in OPTIONS if row.name in _FORWARDED]))
-    if recorded.uneven and not of_frames:
+    if recorded.uneven and source_of(context, "frames") == "DEFAULT":
         yield from ("--frames", "union")
+    if recorded.several:
+        yield from ("--people", "all")
     if recorded.order is not None:
         yield from ("--order", ",".join(recorded.order))
     for camera, frames in recorded.offsets.items():
@@ -169,10 +170,9 @@ def _print(found: Calibrated, output: Path, report: Path | None, again: list[str
         say(f"{output} was not written.")
         return
     print_text(console, _world(found))
-    what = "recordings" if len(again) > 1 else "recording"
-    say(f"Wrote {len(found.found.cameras)} cameras to {output}, lengths in mm. To refine the {what}:")
-    for command in again:
-        say(f"  {command}")  # on one line, to be pasted
+    refine = f"To refine the recording{'s' * (len(again) > 1)}:"
+    say(f"Wrote {len(found.found.cameras)} cameras to {output}, lengths in mm. {refine}")
+    say(*(f"  {command}" for command in again))  # on one line each, to be pasted
 
 
 def _world(found: Calibrated) -> str:

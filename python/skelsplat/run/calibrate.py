@@ -24,13 +24,13 @@ from skelsplat.io.detections import camera_called, camera_labels, cameras_called
 from skelsplat.io.video import find_videos, open_source
 from skelsplat.rig_check import ReadAs, unusual_lenses
 from skelsplat.run.adjusted import offset_of
-from skelsplat.run.calibrate_findings import of_calibration, of_moved
+from skelsplat.run.calibrate_findings import of_calibration, of_clocks, of_moved
 from skelsplat.run.cameras import warn_of_place
 from skelsplat.run.job import IncompleteJobError
 from skelsplat.run.person import are_people, entry_of, pick_places
 from skelsplat.run.read import open_at_rates, open_recording, read_as, read_rig, videos_beside
 from skelsplat.run.session import different, padded
-from skelsplat.run.solve import evened, step_of
+from skelsplat.run.solve import Progress, evened, part_of, silent, step_of
 
 Size = tuple[int, int]
 
@@ -44,6 +44,7 @@ class Recorded:
     offsets: Mapping[str, float]  # by camera, what puts it in step; none if the cameras have clocks
     order: tuple[str, ...] | None  # the label of each placed camera, where the files have others, or no names
     uneven: bool  # cameras have different frames in the files
+    several: bool  # people by whom the cameras were found, and whom refine can follow at this frame rate
 
 
 @dataclass(frozen=True)
@@ -87,14 +88,14 @@ class Calibrated:
             yield in_step(person, clocks)
 
     def write_html(self, path: str | Path, facts: Sequence[tuple[str, str]] = ()) -> None:
-        """Write a page with the cameras in 3D, their error ellipsoids, and what pairs of them explain.
+        """Write a page with the cameras in 3D, and what pairs of them explain, of an unsure rig as well.
 
-        Also if the recording does not tell where the cameras are. ``facts`` are further names and values for
-        its head.
+        ``facts`` are further names and values for its head.
         """
-        from skelsplat.run.calibrate_page import write_html  # matplotlib takes long to load
+        from skelsplat.run.calibrate_page import page_of  # matplotlib takes long to load
+        from skelsplat.viz.report import write_report
 
-        write_html(self, Path(path), facts)
+        write_report(Path(path), page_of(self, facts))
 
     def _numbers(self, one: sk.CalibratedCamera) -> dict[str, Any]:
         placed = one.status == "placed"
@@ -122,16 +123,6 @@ class _Recording:
     lenses: Sequence[sk.Intrinsics | sk.Camera]
     renamed: bool  # refine does not find these cameras' detections by name alone
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of the cameras."""
-        return self.detections.camera_names
-
-    @property
-    def read_as(self) -> ReadAs:
-        """How they are read."""
-        return read_as(self.detections)
-
 
 @dataclass(frozen=True)
 class _Seen:
@@ -149,7 +140,7 @@ class _Seen:
     @classmethod
     def of(cls, recording: _Recording, person: str | None) -> _Seen:
         """Read them, and warn of videos that stopped."""
-        path, names, found = recording.path, recording.names, recording.detections.read()
+        path, names, found = recording.path, recording.detections.camera_names, recording.detections.read()
         seen = _people(found.people, person)
         if not np.isfinite(seen[..., 0]).any():
             raise DatasetError(path, "detections", "a person to find the cameras by", "none")
@@ -184,7 +175,9 @@ class _Seen:
 
     def in_files(self, found: sk.RigCalibration) -> sk.RigCalibration:
         """Return cameras with clocks in their own frames in the files."""
-        return replace(found, report=tuple(self.recording.read_as.in_files(found.report, self.step)))
+        return replace(
+            found, report=tuple(read_as(self.recording.detections).in_files(found.report, self.step))
+        )
 
 
 def calibrate_cameras(
@@ -198,6 +191,7 @@ def calibrate_cameras(
     distance: tuple[str, str, float] | None = None,
     same_focal: bool = False,
     clock: bool = False,
+    progress: Progress = silent,
     **given: Any,
 ) -> Calibrated:
     """Read a recording, or several of the same cameras and person, and find the cameras.
@@ -206,26 +200,25 @@ def calibrate_cameras(
     ``intrinsics`` is a calibration file whose places are ignored, read with the arguments ``read`` of
     `skelsplat.run.read.read_rig`. Without it, image sizes are those that the detections or the cameras'
     videos state, or the ``size`` of ``read``, and focal lengths are found. ``person`` is a place in each
-    file, or ``"largest"`` in each image; without it, all people count. ``given`` are arguments
-    of `skelsplat.io.read_detections`, and ``fps``. A `DatasetError` or an `InvalidInputError` if files are
-    malformed, or do not fit each other or the options.
+    file, or ``"largest"`` in each image; without it, all people count. ``progress`` is called with (steps
+    done, steps known). ``given`` are arguments of `skelsplat.io.read_detections`, and ``fps``. A
+    `DatasetError` or an `InvalidInputError` if files are malformed, or do not fit each other or the options.
     """
     if person not in (None, "largest") and entry_of(person) is None:
         raise InvalidInputError(f"person: expected largest or an entry such as entry:0, got {person!r}")
     with collected_warnings() as warnings:
         read = {name: value for name, value in (read or {}).items() if value is not None}
         _check_lenses(intrinsics, read, videos, same_focal)
-        recordings = [_opened(path, intrinsics, read, videos, given) for path in different(detections)]
-        first, *others = recordings
-        for other in others:
-            _check_alike(first, other)
+        recordings = _opened(different(detections), intrinsics, read, videos, given)
+        first = recordings[0]
         if distance is not None:
             *ends, metres = distance
-            a, b = (camera_called(end, first.names, "distance") for end in ends)
+            a, b = (camera_called(end, first.detections.camera_names, "distance") for end in ends)
             distance = (a, b, metres)
         seen = [_Seen.of(recording, person) for recording in recordings]
         asked = {"stature": stature, "distance": distance, "same_focal": same_focal}
-        result, offsets = _calibrated(seen, clock, asked)
+        result, offsets, told = _calibrated(seen, clock, asked, progress)
+    times = _times(seen)
     if not math.isfinite(result.scale_sigma):
         expected = f"that of two cameras, as {first.detections.skeleton.name} lacks people's proportions"
         raise InvalidInputError(f"distance: expected {expected}, got none")
@@ -235,8 +228,8 @@ def calibrate_cameras(
         result,
         focal=not isinstance(first.lenses[0], sk.Camera),
         scale="distance" if distance is not None else "adults" if stature is None else "stature",
-        recordings=tuple(map(partial(_recorded, result), seen, offsets)),
-        findings=(*kept, *of_moved(result, _times(seen)), *of_calibration(result, clock)),
+        recordings=tuple(map(partial(_recorded, result, times), seen, offsets)),
+        findings=(*kept, *told, *of_moved(result, times), *of_calibration(result, clock, same_focal)),
         layout=first.detections.skeleton,
         frames=seen[0].frames if len(seen) == 1 else seen[0].step * np.arange(len(result.people[0])),
         fps=first.detections.frame_rate,
@@ -251,58 +244,58 @@ def _check_lenses(
     if intrinsics is None:
         for option in (name for name in read if name != "size"):
             raise IncompleteJobError(option, "intrinsics")
-        return
-    if same_focal:
+    elif same_focal:
         raise InvalidInputError("same_focal: expected none with intrinsics=, which state focal lengths")
-    if videos is not None:
+    elif videos is not None:
         raise InvalidInputError("videos: expected none with intrinsics=, which state the image sizes")
 
 
 def _opened(
-    path: Path, intrinsics: Path | None, read: dict[str, Any], videos: Path | None, given: Mapping[str, Any]
-) -> _Recording:
-    """Open the detections of a recording, of cameras whose lenses are known or not."""
-    if intrinsics is None:
-        return _named(path, videos, read.get("size"), **given)
-    return _with_lenses(path, intrinsics, read, **given)
-
-
-def _check_alike(first: _Recording, other: _Recording) -> None:
-    """Refuse a recording of other cameras or joints."""
-    joints = [tuple(one.detections.skeleton.joints) for one in (first, other)]
-    for what, known, found in (("cameras", first.names, other.names), ("joints", joints[0], joints[1])):
-        if known != found:
-            expected = f"those of {first.path}, {', '.join(known)}"
-            raise DatasetError(other.path, what, expected, ", ".join(found))
+    paths: Sequence[Path], intrinsics: Path | None, read: dict[str, Any], videos: Path | None, given: Any
+) -> list[_Recording]:
+    """Open recordings, whose lenses are known or not, all of the same cameras and joints."""
+    if intrinsics is not None:
+        recordings = [_with_lenses(path, intrinsics, read, **given) for path in paths]
+    else:
+        recordings = [_named(path, videos, read.get("size"), **given) for path in paths]
+    a = recordings[0].detections
+    for path, b in zip(paths, (one.detections for one in recordings), strict=True):
+        joints = tuple(a.skeleton.joints), tuple(b.skeleton.joints)
+        for what, known, found in (("cameras", a.camera_names, b.camera_names), ("joints", *joints)):
+            if known != found:
+                expected = f"those of {paths[0]}, {', '.join(known)}"
+                raise DatasetError(path, what, expected, ", ".join(found))
+    return recordings
 
 
 def _calibrated(
-    seen: Sequence[_Seen], clock: bool, asked: Mapping[str, Any]
-) -> tuple[sk.RigCalibration, list[dict[str, float]]]:
+    seen: Sequence[_Seen], clock: bool, asked: Mapping[str, Any], progress: Progress
+) -> tuple[sk.RigCalibration, list[dict[str, float]], list[Finding]]:
     """Return the cameras, with clocks that are those of all recordings, or what puts each in step.
 
     Of several recordings each has its own clocks, which are found in it alone, before all are taken together.
     """
-    several, parts, offsets = len(seen) > 1, [], []
-    for one in seen:
-        alone = one.alone(clock, asked) if several else None
+    several, parts, offsets, told = len(seen) > 1, list[Array](), list[Mapping[str, float]](), list[Finding]()
+    for k, one in enumerate(seen):
+        own, part = read_as(one.recording.detections), part_of(progress, k, len(seen) + 1)
+        alone = one.alone(clock, {**asked, "progress": part}) if several else None
         parts.append(one.people if alone is None else _in_step(one.people, alone))
-        read_as = one.recording.read_as
-        offsets.append(read_as.offsets if alone is None else _offsets(one.in_files(alone), read_as))
-    most = max(part.shape[2] for part in parts)
-    together = one_after_another([padded(part, most) for part in parts])
+        offsets.append(own.offsets if alone is None else _offsets(one.in_files(alone), own))
+        told += () if alone is None else of_clocks(one.in_files(alone), str(one.recording.path))
+    together = one_after_another([padded(part, max(one.shape[2] for one in parts)) for part in parts])
+    asked = {**asked, "progress": part_of(progress, len(seen) * several, len(seen) + several)}
     found = seen[0].in_files(seen[0].calibrated(together, clock=clock and not several, **asked))
     each = [_offsets(found, ReadAs(offsets=own)) for own in offsets]
     shared = all(one == each[0] for one in each)
     clocks = {name: -offset for name, offset in each[0].items()} if shared else {}
-    cameras = replace(found.cameras, clocks=clocks)
-    return replace(found, cameras=cameras), [{}] * len(each) if shared else each
+    found = replace(found, cameras=replace(found.cameras, clocks=clocks))
+    return found, [{}] * len(each) if shared else each, told
 
 
 def _times(seen: Sequence[_Seen]) -> list[tuple[int, str]]:
     """Return number and recording of every frame of all recordings, `one_after_another`."""
     frames = [(one, [*one.frames, *[one.frames[-1]] * GAP]) for one in seen]
-    return [(int(t), one.recording.path.name) for one, numbers in frames for t in numbers]
+    return [(int(t), str(one.recording.path)) for one, numbers in frames for t in numbers][:-GAP]
 
 
 def _in_step(people: Array, found: sk.RigCalibration) -> Array:
@@ -319,26 +312,26 @@ def _offsets(found: sk.RigCalibration, read_as: ReadAs) -> dict[str, float]:
     return {one.name: offset_of(one, read_as) for one in found.report if one.status == "placed"}
 
 
-def _recorded(found: sk.RigCalibration, seen: _Seen, offsets: Mapping[str, float]) -> Recorded:
-    """Return how `refine` reads a recording with the cameras that were found."""
+def _recorded(
+    found: sk.RigCalibration, times: list[tuple[int, str]], seen: _Seen, offsets: Mapping[str, float]
+) -> Recorded:
+    """Return how `refine` reads a recording with the cameras that were found by these frames."""
     one, placed = seen.recording, found.cameras.names
-    opened, other = one.detections, one.renamed or len(placed) < len(one.names)
+    own = [name == str(one.path) for _, name in times]
+    people = sum(bool(np.isfinite(person[own]).any()) for person in found.people)
+    opened, other = one.detections, one.renamed or len(placed) < len(one.detections.camera_names)
     return Recorded(
         one.path,
         len(opened.frames),
         offsets={name: number for name, number in offsets.items() if number and name in placed},
         order=tuple(opened.matched[name] for name in placed) if other else None,
         uneven=opened.uneven,
+        several=people > 1 and opened.frame_rate is not None,
     )
 
 
 def _with_lenses(
-    detections: Path,
-    intrinsics: Path,
-    read: dict[str, Any],
-    *,
-    without: Sequence[str] = (),
-    **given: Any,
+    detections: Path, intrinsics: Path, read: dict[str, Any], *, without: Sequence[str] = (), **given: Any
 ) -> _Recording:
     """Open a recording of cameras whose lenses are known."""
     try:
@@ -406,6 +399,5 @@ def _people(people: Array, person: str | None) -> Array:
     index = np.where(there.any(axis=2), there.argmax(axis=2), -1)
     if person is not None:
         warn_of_place(people, person)
-        nobody: Index = np.empty((1, 0, 0), dtype=np.int64)
-        index = pick_places(people, person, nobody)[0]
+        index = pick_places(people, person, np.empty((1, 0, 0), dtype=np.int64))[0]
     return take_people(people, index)[:, :, None]

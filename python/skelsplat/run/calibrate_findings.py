@@ -23,29 +23,36 @@ def of_moved(found: sk.RigCalibration, times: Sequence[tuple[int, str]]) -> Iter
     """Name cameras in step that were moved while they recorded, in frames of these numbers and recordings."""
     several = len({name for _, name in times}) > 1
     for one in found.report:
-        if one.span is None or "clocks" in found.doubts:
+        if one.span is None or one.status == "left_out" or "clocks" in found.doubts:
             continue
         first, end = one.span
         frame, name = times[first or end]
         of = f" of {name}" if several else ""
         part = "from there on" if first else "before"
-        sentence = f"{one.name} was moved while it recorded, about frame {frame}{of}. It is placed where it "
-        sentence += f"was {part}: the other part needs a calibration of its own."
+        words = f"{one.name} was moved while it recorded, about frame {frame}{of}. It is placed where it "
+        words += f"was {part}: the other part needs a calibration of its own."
         share = {"since": frame, "part": "after" if first else "before"}
-        subject = Subject((one.name,), frames=(frame,))
-        yield Finding("camera_moved", "warning", subject, share, sentence=sentence)
+        yield Finding("camera_moved", "warning", Subject((one.name,), frames=(frame,)), share, sentence=words)
 
 
-def of_calibration(found: sk.RigCalibration, clock: bool) -> Iterator[Finding]:
+def of_clocks(found: sk.RigCalibration, recording: str = "") -> Iterator[Finding]:
+    """Name cameras that are out of step: in a recording, of several."""
+    for one in found.report:
+        if offset_of(one, ReadAs()):
+            numbers = {"camera": one.name, "clock_frames": one.clock, "clock_sigma_frames": one.clock_sigma}
+            yield late(numbers, recording=recording)
+
+
+def of_calibration(found: sk.RigCalibration, clock: bool, same_focal: bool) -> Iterator[Finding]:
     """Yield which cameras were left out or out of step, and whether the recording does not tell places.
 
-    Whether clocks were looked for, which otherwise is a remedy.
+    Whether clocks were looked for, and focal lengths stated to be the same, which otherwise are remedies.
     """
+    if found.sure and not clock:
+        yield from of_clocks(found)
     usual = np.nanmedian([one.explained for one in found.report])
     for i, one in enumerate(found.report):
         subject = Subject((one.name,))
-        if found.sure and not clock and offset_of(one, ReadAs()):
-            yield late({"camera": one.name, "clock_frames": one.clock, "clock_sigma_frames": one.clock_sigma})
         if one.status == "left_out":
             words = f"{one.name} was left out: it shares too little with the other cameras, or contradicts "
             words += "them. Does it see the same person at the same time, and is its image not mirrored?"
@@ -56,21 +63,22 @@ def of_calibration(found: sk.RigCalibration, clock: bool) -> Iterator[Finding]:
             yield Finding("camera_left_out", "warning", subject, known, remedy, sentence=words)
         elif found.sure and one.explained < _AGREES * usual:
             words = f"{one.name} agrees with the others in only {percent(one.explained)} of its detections. "
-            words += "Was it moved while it recorded, is its image mirrored, or does it see somebody else?"
+            words += "Does the detector confuse left and right there, was it moved while it recorded, is its "
+            words += "image mirrored, or does it see somebody else?"
             numbers, remedy = {"explained": one.explained}, (Remedy("without", one.name),)
             yield Finding("camera_disagrees", "warning", subject, numbers, remedy, sentence=words)
     if not found.sure:
-        yield _unsure(found, clock)
+        yield _unsure(found, clock, same_focal)
 
 
-def _unsure(found: sk.RigCalibration, clock: bool) -> Finding:
+def _unsure(found: sk.RigCalibration, clock: bool, same_focal: bool) -> Finding:
     """Say why the recording does not tell where the cameras are, and what helps."""
     placed = [one for one in found.report if one.status == "placed"]
     turn, place = (max(getattr(one, name) for one in placed) for name in ("turn_sigma", "place_sigma"))
     off = [f"{one.name} {100 * (one.zoom - 1):+.0f} %" for one in placed if one.zoom != 1.0]
-    unknown = np.isfinite([one.focal_sigma for one in placed]).any()
+    unknown, doubt = bool(np.isfinite([one.focal_sigma for one in placed]).any()), found.doubts[0]
     stated = "the same for all" if unknown else "those given"
-    lenses = "; giving the lenses helps, or stating that all are the same" if unknown else ""
+    lenses = "; giving the lenses helps" if unknown else ""
     bars = f"one may be off by {number(turn)}° or {place:,.0f} mm" if turn < 90.0 else "they may be anywhere"
     why = {
         "clocks": "the cameras are out of step. Find their clocks as well",
@@ -82,8 +90,9 @@ def _unsure(found: sk.RigCalibration, clock: bool) -> Finding:
         "moved": "a camera kept moving while it recorded",
         "places": f"{bars}. {_FILM}{lenses}",
     }
-    words = f"This recording does not tell where the cameras are: {why[found.doubts[0]]}."
-    remedy = () if clock or found.doubts[0] in ("movement", "moved", "lenses") else (Remedy("clock", True),)
+    words = f"This recording does not tell where the cameras are: {why[doubt]}."
+    remedy = [Remedy("same_cameras", True)] * (doubt == "places" and unknown and not same_focal)
+    remedy += [Remedy("clock", True)] * (not clock and doubt not in ("movement", "moved", "lenses"))
     numbers = {"degrees_sigma": float(turn), "mm_sigma": float(place)}
     subject = Subject(tuple(one.name for one in placed))
-    return Finding("cameras_not_calibrated", "error", subject, numbers, remedy=remedy, sentence=words)
+    return Finding("cameras_not_calibrated", "error", subject, numbers, tuple(remedy), sentence=words)

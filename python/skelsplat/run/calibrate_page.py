@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -73,11 +72,6 @@ class Pairs(ArrayFields):
                 distance[[i, j], [j, i]] = np.median(off)
                 explained[[i, j], [j, i]] = (off < _WITHIN * noise).mean()
         return cls(shared, distance, explained)
-
-
-def write_html(found: Calibrated, path: Path, facts: Sequence[tuple[str, str]]) -> None:
-    """Write the page as one file, which needs no other."""
-    page.write_report(path, page_of(found, facts))
 
 
 def page_of(found: Calibrated, facts: Sequence[tuple[str, str]]) -> page.ReportData:

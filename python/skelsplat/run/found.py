@@ -343,7 +343,8 @@ def _sight(
         opened = open_detections(folder / detections, names, frames="union", **named, **options)
     except (SkelSplatError, OSError) as error:
         if isinstance(error, InvalidInputError) and error.argument == "layout" and cameras:
-            joints = next((joints for joints in map(_joints, views.values()) if joints), 0)
+            everybody = (one for view in views.values() for people in _sampled(view) for one in people)
+            joints = len(next(everybody, ()))
             fitting = _layouts(joints)
             words = f"The keypoints have {joints} joints per person, and do not say which. Choose the layout:"
             if fitting:
@@ -389,11 +390,6 @@ def _sizes(cameras: Sequence[Camera]) -> dict[str, str]:
     """Return the usual sizes of images in which the keypoints are, the smallest first."""
     right, down = np.max([one.reach for one in cameras], axis=0)
     return {f"{w}x{h}": f"{w}×{h}" for w, h in _SIZES if right <= w and down <= h}
-
-
-def _joints(view: Any) -> int:
-    """Return how many joints a person has, 0 if nobody is seen."""
-    return next((len(person) for people in _sampled(view) for person in people), 0)
 
 
 def _sources(videos: Path) -> dict[str, FrameSource]:

@@ -50,11 +50,8 @@ def in_calibrated_pixels(found: Opened, rig: sk.CameraRig, cropped: Collection[s
     for name, size in found.sizes.items():
         whole, is_crop = rig[name].size, name in cropped
         factor = None if is_crop else resizing(size, whole)
-        if is_crop:
-            fits = all(np.array(size) <= np.array(whole) + _PADDING_PX)
-        else:
-            fits = factor is not None and all(factor == 1.0)
-        if not fits:
+        small = all(np.array(size) <= np.array(whole) + _PADDING_PX)
+        if not (small if is_crop else factor is not None and all(factor == 1.0)):
             differing.setdefault((size, whole, is_crop), []).append(name)
             if factor is not None:
                 factors[name] = factor

@@ -25,7 +25,7 @@ from skelsplat.run.job import Job
 from skelsplat.run.person import look_around, without_match
 from skelsplat.run.read import Inputs, Opened
 from skelsplat.run.session import padded
-from skelsplat.run.solve import Outcome, Progress, even_clock, poses_of, silent, why_alone
+from skelsplat.run.solve import Outcome, Progress, even_clock, part_of, poses_of, silent, why_alone
 from skelsplat.run.summary import COUNTED, summarise
 
 # Detections in memory at a time, but 600 frames or more: 100 MB with their results.
@@ -44,10 +44,10 @@ def in_parts(opened: Opened, job: Job, folder: Path, progress: Progress) -> tupl
     """Refine the person the views agree on; return every so many-th frame, and what is known of all."""
     size = max(_LEAST_FRAMES, _PER_PART // (len(opened.rig) * opened.detections.skeleton.n_joints))
     progress(0, len(opened.detections.frames))
-    whole, detections, unmatched = follow(opened, job, folder, size, _half(progress, 0))
+    whole, detections, unmatched = follow(opened, job, folder, size, part_of(progress, 0, 2))
     gathered = Gathered(whole, detections, PoseParts(folder, whole.frames, size), folder)
     seconds, begin = 0.0, time.perf_counter()
-    for own, result in _solved(whole, detections, job, size, _half(progress, 1)):
+    for own, result in _solved(whole, detections, job, size, part_of(progress, 1, 2)):
         seconds += time.perf_counter() - begin
         part = replace(
             whole,
@@ -59,11 +59,6 @@ def in_parts(opened: Opened, job: Job, folder: Path, progress: Progress) -> tupl
         begin = time.perf_counter()
     inputs, outcome = gathered.drawn()
     return inputs, replace(outcome, seconds=seconds, alone=why_alone(whole, job)), gathered
-
-
-def _half(progress: Progress, done: int) -> Progress:
-    """Return the progress of one of two passes, ``done`` of which are over: a frame counts half in each."""
-    return lambda frames, total: progress((done * total + frames) // 2, total)
 
 
 def follow(

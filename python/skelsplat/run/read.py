@@ -149,12 +149,7 @@ def open_files(job: Job) -> Opened:
 
 
 def open_recording(
-    calibration: Path,
-    detections: Path,
-    *,
-    read: Mapping[str, Any],
-    without: Sequence[str],
-    **given: Any,
+    calibration: Path, detections: Path, *, read: Mapping[str, Any], without: Sequence[str], **given: Any
 ) -> Opened:
     """Read cameras and open detections, with the arguments of `read_rig` and of `open_detections`.
 

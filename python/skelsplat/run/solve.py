@@ -78,6 +78,11 @@ def silent(done: int, total: int) -> None:
     """Report no progress."""
 
 
+def part_of(progress: Progress, before: int, parts: int) -> Progress:
+    """Return the progress of one of some parts, each of all frames or steps, after so many."""
+    return lambda done, total: progress((before * total + done) // parts, total)
+
+
 def refine_inputs(inputs: Inputs, job: Job, progress: Progress = silent) -> Outcome:
     """Refine all frames, over time if that is possible and not refused."""
     config, alone, begin = job.settings, why_alone(inputs, job), time.perf_counter()
