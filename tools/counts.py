@@ -37,6 +37,8 @@ _RUST_FUNCTION = re.compile(r"^[ \t]*(?:pub(?:\([^)]*\))? )?(?:const )?fn (\w+)"
 # Lines of Rust that may be wide: tables, addresses, single strings.
 _MAY_BE_WIDE = re.compile(r"https?://|^\s*(?://[/!]?)?\s*\|.*\|$|^\s*\"[^\"]*\",?$")
 
+_CONSTANT = re.compile(r"\bconst \w+: f64\b")
+
 Spans = Iterator[tuple[str, int, int]]
 """Of functions: name, first line, length."""
 
@@ -57,6 +59,11 @@ def sizes() -> dict[str, int]:
         counted = (len(text.split()) if name.endswith("words") else text.count(b"\n") for text in texts)
         found[name] = sum(counted)
     return found
+
+
+def constants() -> int:
+    """Return the number of named float constants of the core."""
+    return sum(len(_CONSTANT.findall(path.read_text(encoding="utf-8"))) for path in files(*PARTS["core"]))
 
 
 def long_functions() -> dict[str, str | None]:
@@ -119,6 +126,7 @@ def main() -> None:
     """Print everything."""
     for name, size in sizes().items():
         print(f"{name:22} {size:>8,}")
+    print(f"{'core, float constants':22} {constants():>8}")
     functions, wide = long_functions(), wide_lines()
     print(f"{'import circles':22} {bool(circle(rust_graph())) + bool(circle(python_graph())):>8}")
     print(

@@ -15,13 +15,13 @@ from planted import FAULTS
 CEILINGS = {
     "package": 40_170,
     "cli": 3_906,
-    "core": 19_908,
+    "core": 20_054,
     "binding": 2_764,
-    "Rust tests": 6_050,
-    "Python tests": 26_844,
-    "benchmarks and tools": 3_960,
-    "docs, words": 41_900,
-    "README, words": 1_462,
+    "Rust tests": 6_067,
+    "Python tests": 26_848,
+    "benchmarks and tools": 3_995,
+    "docs, words": 41_969,
+    "README, words": 1_461,
 }
 
 
@@ -33,6 +33,10 @@ def test_every_part_stays_below_its_ceiling(part: str) -> None:
 def test_every_part_has_a_ceiling_and_is_there() -> None:
     assert list(counts.PARTS) == list(CEILINGS)
     assert min(counts.sizes().values()) > 0
+
+
+def test_constants_stay_few() -> None:
+    assert 0 < counts.constants() <= 150
 
 
 def test_long_functions_have_a_reason() -> None:

@@ -69,7 +69,7 @@ impl LastingErrors {
         if all.gradient.len() < b {
             return none();
         }
-        // The prior of an offset has the precision of a detection: an offset is as large as an error.
+        // The prior of an offset is as precise as a detection: it is as large as an error.
         let own = all.matrix.view((q, q), (b, b)) + DMatrix::identity(b, b);
         let mixed = all.matrix.view((q, 0), (b, q)).into_owned();
         let pull = all.gradient.rows(q, b) + &self.0[j];

@@ -128,8 +128,8 @@ pub fn wald(
 
 /// The logarithm of the odds that what is free in one camera has changed: it is as given, or with
 /// the probability ε anywhere, θ ~ N(0, V). The solution ± C explains ΔF more, which counts κ/φ:
-/// ln ε/(1−ε) + κ ΔF/φ − ½ ln |V|/|C| (Laplace). With a turn T that all detections of the view share
-/// in either case, C is C + T, and of ΔF the part θᵀ(C + T)⁻¹θ/θᵀC⁻¹θ is left.
+/// ln ε/(1−ε) + κ ΔF/φ − ½ ln |V|/|C| (Laplace). With a turn T that detections of the view
+/// share in either case, C is C + T, and of ΔF the part θᵀ(C + T)⁻¹θ/θᵀC⁻¹θ is left.
 pub fn odds_changed(
     [before, after]: [&Judged; 2],
     unknowns: &[(usize, usize)],

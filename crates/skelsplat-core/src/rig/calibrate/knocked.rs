@@ -6,8 +6,8 @@
 //! of the first those in which all others move together. With W, the inverse of C₁ + C₂
 //! without g, A = Eᵢᵀ W Eᵢ and b = Eᵢᵀ W d, this explains t² = bᵀ (A + V⁻¹)⁻¹ b more. It happens
 //! with the probability ε, so that the logarithm of the odds is ln ε/(1−ε) + t²/2 − ½ ln |1 + A V|,
-//! with the tails of a t statistic in place of t²/2. δ is a turn, or a turn and a shift. The odds are
-//! to be strong, and to exceed the number of moments from which the search begins.
+//! with the tails of a t statistic in place of t²/2. δ is a turn, or a turn and a shift. The odds
+//! are to be strong, and to exceed the number of moments from which the search begins.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
