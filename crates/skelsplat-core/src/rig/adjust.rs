@@ -221,7 +221,7 @@ impl Task<'_> {
         for (view, freedom) in changes.iter().enumerate().filter(|(_, freedom)| freedom.any()) {
             let fault = if freedom.turn { Fault::Place } else { Fault::Clock };
             let (rig, own) = (changed.clone(), bars[view]);
-            found.rivals.push(Supposed { view, fault, rig, bars: own, odds: 0.0 });
+            found.rivals.push(Supposed { view, fault, rig, bars: own, odds: 0.0, shared: 0.0 });
             found.rig.cameras[view] = self.given[view].clone();
             found.rig.freedom[view] = Freedom::default();
         }

@@ -87,6 +87,8 @@ pub struct Supposed {
     pub bars: Bars,
     /// The logarithm of the odds that its place changed: see [`odds_changed`].
     pub odds: f64,
+    /// The turn that all detections of its view share, rad.
+    pub shared: f64,
 }
 
 /// What a search found.
@@ -203,8 +205,7 @@ impl Scope<'_> {
             learn(&mut bars[view], fault, &known);
             let is_place = !supposed.is_clock();
             if is_place
-                && (self.explains_much(&still, &supposed, sigma)
-                    || full && self.is_fault(&supposed))
+                && (self.explains_much(&still, &supposed) || full && self.is_fault(&supposed))
             {
                 more.push(supposed);
             }
@@ -335,14 +336,14 @@ impl Scope<'_> {
             return None;
         }
         let unknowns = unknowns(&explained.freedom);
-        let shared = self.shared_turn(&rig.cameras, view, sigma);
-        let bars = bars(&explained.judged.steady, &unknowns, view).sharing(shared);
         let reach = self.bundle(rig.cameras.clone(), Vec::new(), points).reach()[view];
+        let shared = shared_turn(sigma / PER_NOISE, reach, m);
+        let bars = bars(&explained.judged.steady, &unknowns, view).sharing(shared);
         let prior_sigma = |k| self.lenses.sigma_of(k, reach);
         let judged = [&rig.judged, &explained.judged];
         let change = Change::between(&rig.cameras[view], &explained.cameras[view]);
         let odds = odds_changed(judged, &unknowns, view, kind, &change, shared, prior_sigma);
-        Some(Supposed { view, fault, rig: explained, bars, odds })
+        Some(Supposed { view, fault, rig: explained, bars, odds, shared })
     }
 
     /// By how much a camera seems to be turned as its detections share an error.
@@ -383,14 +384,13 @@ impl Scope<'_> {
     }
 
     /// Whether a change of a place explains much of what a camera costs, and joints agree on it.
-    fn explains_much(&self, rig: &Explanation, supposed: &Supposed, sigma: f64) -> bool {
-        let Supposed { view, rig: changed, .. } = supposed;
+    fn explains_much(&self, rig: &Explanation, supposed: &Supposed) -> bool {
+        let Supposed { view, rig: changed, shared, .. } = supposed;
         let [before, after] = [rig, changed].map(|rig| total(&rig.judged.costs));
         let change = Change::between(&rig.cameras[*view], &changed.cameras[*view]);
         let (free, of) = (unknowns(&changed.freedom), changed.freedom[*view]);
-        let shared = self.shared_turn(&rig.cameras, *view, sigma);
         self.given.len() as f64 * (before - after) > DOUBTFUL_GAIN * before
-            && wald(&changed.judged, &free, *view, of, &change, shared) > FAULT_WALD
+            && wald(&changed.judged, &free, *view, of, &change, *shared) > FAULT_WALD
     }
 
     /// Whether a change is more than chance; of clocks, chance is judged when all are known.
