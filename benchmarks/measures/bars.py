@@ -227,8 +227,8 @@ def bias(*, folder: Path, every: int = 32) -> Table:
         found = sk.refine(None, some.detections, some.rig, layout=LAYOUT, config=ONE_THREAD)
         error.append(found.pose - some.truth)
         scatter.append(found.uncertainty)
-        whose = body.setdefault(take.subject, [])
-        whose.append(in_body(error[-1], some.truth, LAYOUT))
+        own = body.setdefault(take.subject, [])
+        own.append(in_body(error[-1], some.truth, LAYOUT))
     errors, covariances = np.concatenate(error), np.concatenate(scatter)
     means = np.stack([offsets(np.concatenate(own)) for own in body.values()])
     rows = {}

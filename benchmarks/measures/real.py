@@ -150,15 +150,15 @@ def _mixed(stills: Stills, found: Everybody, matched: NDArray[np.int64]) -> int 
     for f, frame in enumerate(found):
         near = set(matched[:, f].tolist())
         for slots in (slots for k, (_, slots) in enumerate(frame) if k not in near and slots is not None):
-            whose = [_boxed(stills, f, view, slot) for view, slot in enumerate(slots) if slot >= 0]
-            people = [one for one in whose if one is not None]
+            boxed = [_boxed(stills, f, view, slot) for view, slot in enumerate(slots) if slot >= 0]
+            people = [one for one in boxed if one is not None]
             count += len(people) == len(set(people)) > 1
             known = True
     return count if known else None
 
 
 def _boxed(stills: Stills, frame: int, view: int, slot: int) -> int | None:
-    """Return the labelled person whose box contains most of a detection's joints; of several, the best."""
+    """Return the labelled person whose box contains most of a detection's joints, the best of several."""
     matched = np.flatnonzero(stills.match[frame, :, view] == slot)
     if len(matched):
         return int(matched[0])

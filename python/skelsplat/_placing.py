@@ -91,7 +91,7 @@ class Task:
         return everyone, start, cameras, found | {"people": everybody}
 
     def compared(self) -> Iterator[tuple[int, int]]:
-        """Yield each two views, and report a step after each."""
+        """Yield every pair of views, and report a step after each."""
         for pair in combinations(range(len(self.cameras)), 2):
             yield pair
             self.steps.take()

@@ -15,12 +15,12 @@ from planted import FAULTS
 CEILINGS = {
     "package": 40_170,
     "cli": 3_906,
-    "core": 20_054,
+    "core": 20_045,
     "binding": 2_764,
     "Rust tests": 6_067,
     "Python tests": 26_848,
     "benchmarks and tools": 3_995,
-    "docs, words": 41_969,
+    "docs, words": 41_954,
     "README, words": 1_461,
 }
 

@@ -36,7 +36,7 @@ def of_moved(found: sk.RigCalibration, times: Sequence[tuple[int, str]]) -> Iter
 
 
 def of_clocks(found: sk.RigCalibration, recording: str = "") -> Iterator[Finding]:
-    """Name cameras that are out of step: in a recording, of several."""
+    """Name cameras that are out of step; a ``recording`` is one of several."""
     for one in found.report:
         if offset_of(one, ReadAs()):
             numbers = {"camera": one.name, "clock_frames": one.clock, "clock_sigma_frames": one.clock_sigma}

@@ -21,6 +21,7 @@ use super::rays::Ray;
 /// Five standard deviations, squared. Of a depth: it is known to a fifth of its value, and twice
 /// the usual noise is not mistaken for it.
 pub(crate) const DISTINCT: f64 = 25.0;
+
 /// Δχ² of `rays` at `x`, of which ray i counts `k(i)` times; `variance` is that of a detection of
 /// weight 1, px². Σ w |d − u|² = 2 (Σ w − |Σ w d|), since u is a unit vector along Σ w d.
 fn over_infinity(rays: &[Ray], x: &Vector3<f64>, variance: f64, k: impl Fn(usize) -> f64) -> f64 {

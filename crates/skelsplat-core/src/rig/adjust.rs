@@ -186,12 +186,10 @@ impl Task<'_> {
     fn holds(&self, rig: &Explanation) -> bool {
         let (before, after) = (self.left_out(self.given), self.left_out(&rig.cameras));
         let free = unknowns(&rig.freedom);
-        let scope = self.scope(&self.fitted);
-        let sigma = scope.sigma(&rig.cameras);
+        let shared = self.scope(&self.fitted).shared_turns(&rig.cameras);
         let holds = |(i, freedom): (usize, &Freedom)| {
             let change = Change::between(&self.given[i], &rig.cameras[i]);
-            let shared = scope.shared_turn(&rig.cameras, i, sigma);
-            let sure = wald(&rig.judged, &free, i, *freedom, &change, shared);
+            let sure = wald(&rig.judged, &free, i, *freedom, &change, shared[i]);
             let others = (0..after.len()).filter(|k| *k != i).map(|k| after[k]);
             let size = self.given[i].camera.size().map(f64::from);
             let poor = POOR * size[0].hypot(size[1]);
@@ -258,10 +256,10 @@ impl Task<'_> {
         };
         let freedom: Vec<Freedom> = rig.freedom.iter().map(full).collect();
         let mut rig = self.settle(scope, rig.cameras, freedom.clone());
+        let shared = scope.shared_turns(&rig.cameras);
         let free = unknowns(&freedom);
         for (i, _) in freedom.iter().enumerate().filter(|(_, freedom)| freedom.any()) {
-            let shared = scope.shared_turn(&rig.cameras, i, scope.sigma(&rig.cameras));
-            all[i] = bars(&rig.judged.steady, &free, i).sharing(shared);
+            all[i] = bars(&rig.judged.steady, &free, i).sharing(shared[i]);
         }
         for i in 0..freedom.len() {
             rig = self.simplified(scope, rig, i)?;

@@ -18,7 +18,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, RowVector3, SMatrix, Vector2, Vector3}
 use rayon::prelude::*;
 
 use super::bias::{Follow, LastingErrors};
-use super::placed::{Change, Freedom, PARAMETERS, Placed, Residual, Step};
+use super::placed::{Change, Freedom, PARAMETERS, Placed, Residual, Step, reach};
 use super::prior::Lenses;
 use super::reduced::{Judged, Reduced, jackknife, lasting, summed};
 use super::scene::Scene;
@@ -135,7 +135,7 @@ impl Bundle<'_> {
         let free = unknowns(&self.freedom);
         let Cells { equations, moves, follow } = self.cells(sigma);
         let mut sum = Reduced::sum(&summed(&equations));
-        let reach = self.reach();
+        let reach = reach(&self.points, self.given);
         let prior = self.lenses.precision(&free, sigma / PER_NOISE, &reach);
         let changes: Vec<Change> = (0..self.cameras.len())
             .map(|i| Change::between(&self.given[i], &self.cameras[i]))
@@ -167,13 +167,6 @@ impl Bundle<'_> {
             farthest = sizes.fold(farthest, f64::max);
         }
         farthest
-    }
-
-    /// Distance of each camera from the joints, mm.
-    pub(super) fn reach(&self) -> Vec<f64> {
-        let known = || self.points.iter().filter(|x| x.x.is_finite());
-        let middle = known().sum::<Vector3<f64>>() / known().count().max(1) as f64;
-        self.given.iter().map(|placed| (placed.camera.centre() - middle).norm().max(1.0)).collect()
     }
 
     /// The equations of every cluster: a joint, or where there are few joints a joint in a part of
@@ -372,7 +365,8 @@ impl Bundle<'_> {
         let clusters = summed(&cells);
         let costs: Vec<f64> = clusters.iter().map(|cluster| cluster.cost).collect();
         let noise = sigma / PER_NOISE;
-        let prior = self.lenses.precision(&unknowns(&self.freedom), noise, &self.reach());
+        let reach = reach(&self.points, self.given);
+        let prior = self.lenses.precision(&unknowns(&self.freedom), noise, &reach);
         let q = prior.nrows();
         let mut whole = prior.clone();
         clusters.iter().for_each(|cluster| whole += &cluster.matrix);

@@ -13,7 +13,7 @@ use super::bundle::PER_NOISE;
 use super::evidence::{Bars, shared_turn};
 use super::gauge::{Sureness, Zooms};
 use super::lenses::{FOCAL_SIGMA, LensPosterior, alike};
-use super::placed::{Freedom, Placed, rebuilt};
+use super::placed::{Freedom, Placed, reach, rebuilt};
 use super::prior::Lenses;
 use super::scene::{JointMotion, Scene, spread};
 use super::search::{Explanation, Scope};
@@ -391,13 +391,10 @@ impl Task<'_> {
         let turn = |(placed, reach): (&Placed, f64)| {
             let [width, height] = placed.camera.size().map(f64::from);
             let off = OFF_CENTRE * width.max(height) / placed.camera.focal()[0];
-            shared_turn(fit.noise, reach, cameras.len()).hypot(if self.unknown.focal {
-                off
-            } else {
-                0.0
-            })
+            let shared = shared_turn(fit.noise, reach, cameras.len());
+            if self.unknown.focal { shared.hypot(off) } else { shared }
         };
-        cameras.iter().zip(fit.reach(cameras)).map(turn).collect()
+        cameras.iter().zip(reach(&fit.points, cameras)).map(turn).collect()
     }
 
     /// How far joints are off because of the cameras.

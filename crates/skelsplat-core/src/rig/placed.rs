@@ -227,3 +227,10 @@ impl Change {
         }
     }
 }
+
+/// Distance of each camera from the middle of the joints that are known, mm.
+pub(super) fn reach(points: &[Vector3<f64>], cameras: &[Placed]) -> Vec<f64> {
+    let known = || points.iter().filter(|x| x.x.is_finite());
+    let middle = known().sum::<Vector3<f64>>() / known().count().max(1) as f64;
+    cameras.iter().map(|placed| (placed.camera.centre() - middle).norm().max(1.0)).collect()
+}

@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 
 use super::bundle::{Bundle, PER_NOISE, unknowns};
 use super::evidence::{Bars, bars, is_worse, odds_changed, shared_turn, total, wald};
-use super::placed::{CLOCK, Change, Freedom, Placed};
+use super::placed::{CLOCK, Change, Freedom, Placed, reach};
 use super::prior::Lenses;
 use super::reduced::Judged;
 use super::scene::Scene;
@@ -336,7 +336,7 @@ impl Scope<'_> {
             return None;
         }
         let unknowns = unknowns(&explained.freedom);
-        let reach = self.bundle(rig.cameras.clone(), Vec::new(), points).reach()[view];
+        let reach = reach(&points, self.given)[view];
         let shared = shared_turn(sigma / PER_NOISE, reach, m);
         let bars = bars(&explained.judged.steady, &unknowns, view).sharing(shared);
         let prior_sigma = |k| self.lenses.sigma_of(k, reach);
@@ -346,11 +346,12 @@ impl Scope<'_> {
         Some(Supposed { view, fault, rig: explained, bars, odds, shared })
     }
 
-    /// By how much a camera seems to be turned as its detections share an error.
-    pub fn shared_turn(&self, cameras: &[Placed], view: usize, sigma: f64) -> f64 {
+    /// By how much each camera seems to be turned as its detections share an error.
+    pub fn shared_turns(&self, cameras: &[Placed]) -> Vec<f64> {
+        let noise = self.sigma(cameras) / PER_NOISE;
         let points = self.scene.points(self.frames, cameras, |_| true);
-        let reach = self.bundle(cameras.to_vec(), Vec::new(), points).reach()[view];
-        shared_turn(sigma / PER_NOISE, reach, cameras.len())
+        let turn = |reach: f64| shared_turn(noise, reach, cameras.len());
+        reach(&points, self.given).into_iter().map(turn).collect()
     }
 
     /// One camera placed by joints that the others place.

@@ -51,13 +51,6 @@ impl Fit {
         Self { frames, points, noise, of_cameras }
     }
 
-    /// Distance of each camera from the joints.
-    pub(super) fn reach(&self, cameras: &[Placed]) -> Vec<f64> {
-        let known: Vec<_> = self.points.iter().filter(|x| x.x.is_finite()).collect();
-        let middle = known.iter().copied().sum::<Vector3<f64>>() / known.len() as f64;
-        cameras.iter().map(|placed| (placed.camera.centre() - middle).norm()).collect()
-    }
-
     /// The camera that contradicts the others most, if one does: its detections are farther off in
     /// pixels and at the joints, as errors are between the same in pixels and in sizes of people.
     pub(super) fn worst(&self) -> Option<usize> {

@@ -19,7 +19,7 @@ use crate::error::Result;
 use crate::rig::bundle::{PER_NOISE, unknowns};
 use crate::rig::evidence::{CHANGED, log_odds, turning_point};
 use crate::rig::gauge::moved;
-use crate::rig::placed::{Change, Placed};
+use crate::rig::placed::{Change, Placed, reach};
 use crate::rig::prior::CALIBRATED;
 use crate::rig::scene::Scene;
 use crate::rig::search::Explanation;
@@ -79,7 +79,7 @@ impl Task<'_> {
                 let parts = self.parts(views, cameras, self.times[frames[first]], progress)?;
                 let rigs = parts.each_ref().map(|(rig, _)| rig);
                 let fit = &parts[0].1;
-                let likeliest = moved_between(rigs, &fit.reach(&rigs[0].cameras));
+                let likeliest = moved_between(rigs, &reach(&fit.points, &rigs[0].cameras));
                 let Some((k, odds)) = likeliest.filter(|(_, odds)| *odds > 0.0) else { break };
                 let since = when_moved(Scene::new(&seen), &frames, rigs, k, PER_NOISE * fit.noise);
                 let settled = since.abs_diff(first) as f64 <= SETTLED * frames.len() as f64

@@ -1,4 +1,4 @@
-//! The scale of people whose cameras have none.
+//! The stature of a person in a rig without a scale.
 
 use nalgebra::Vector3;
 
