@@ -91,7 +91,7 @@ impl Link {
     }
 
     /// ∂rᵀ v, with v of the joint in each slot.
-    fn along(&self, v: impl Fn(usize) -> Vector3<f64>) -> f64 {
+    pub(super) fn along(&self, v: impl Fn(usize) -> Vector3<f64>) -> f64 {
         self.slots.iter().zip(&self.coupling.gradient).map(|(s, g)| g.dot(&v(*s))).sum()
     }
 }
@@ -122,8 +122,7 @@ pub(super) fn couple(links: &mut [Link], joints: &mut Joints, scratch: &mut Scra
         }
         link.slots.iter().for_each(|s| moved[*s] = Vector3::zeros());
         q[(n + 1) * b] = RIDGE * (q[(n + 1) * b] + 1.0 / link.coupling.precision);
-        let step = |s: usize| joints.groups[s / LANES].step.each_ref().map(|v| lane(v, s % LANES));
-        multipliers.push(link.coupling.residual + link.along(|s| step(s).into()));
+        multipliers.push(link.coupling.residual + link.along(|s| joints.step(s)));
     }
     let Some(factor) = Cholesky::new(DMatrix::from_vec(n, n, std::mem::take(q))) else { return };
     factor.solve_mut(&mut DMatrixViewMut::from_slice(multipliers, n, 1));

@@ -335,7 +335,8 @@ impl AnnealedFrame<'_> {
     }
 
     /// Doubtful joints move to their most likely places, and the joints around them are solved with
-    /// their bones. Returns whether that tells others more about the noise: any has moved.
+    /// their bones. Returns whether that tells others more about the noise: any has moved, and does
+    /// not return.
     fn make_moves(&self, found: &mut Attempt) -> bool {
         let solution = found.solver.solution();
         let votes = Votes::of(&found.rays, &solution);
@@ -355,9 +356,9 @@ impl AnnealedFrame<'_> {
             past: self.before.as_ref().filter(|b| b.priors.is_none()).map(|b| b.pose.as_slice()),
         };
         let guess = search.most_likely();
-        let is_same = |j: usize| guess[j] == solution.points[j] || guess[j].x.is_nan();
-        let has_moved = !(0..n).all(is_same);
-        if !has_moved && is_known {
+        let moved = |j: &usize| guess[*j] != solution.points[*j] && !guess[*j].x.is_nan();
+        let moved: Vec<usize> = (0..n).filter(moved).collect();
+        if moved.is_empty() && is_known {
             return false;
         }
         let in_pair = |pair: &LimbPair, j: usize| pair.0.contains(&j) || pair.1.contains(&j);
@@ -373,7 +374,8 @@ impl AnnealedFrame<'_> {
         }
         found.solver.run(&self.terms(found.follows_noise, &bones), near);
         found.bones = bones;
-        has_moved
+        let off = |j: usize| (found.solver.joints.at(j) - solution.points[j]).norm();
+        !moved.iter().all(|j| off(*j) <= solution.sigma[*j])
     }
 
     /// The explanation with chains exchanged; for their joints the search starts again.

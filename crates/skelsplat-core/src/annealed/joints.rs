@@ -211,6 +211,11 @@ impl Joints {
         }
     }
 
+    /// The step of the joint in slot `s`.
+    pub(super) fn step(&self, s: usize) -> Vector3<f64> {
+        self.groups[s / LANES].step.each_ref().map(|v| lane(v, s % LANES)).into()
+    }
+
     /// Whether joint `j` has a position.
     pub(super) fn is_live(&self, j: usize) -> bool {
         let (g, l) = self.place_of(j);

@@ -33,7 +33,7 @@ pub struct Annealing {
     pub symmetry_sigma: f64,
     /// Maximum number of steps.
     pub max_steps: usize,
-    /// The solver stops when no joint moves by more than this fraction of the noise.
+    /// The solver stops when no joint moves by more than this fraction of its standard deviation.
     pub tolerance: f64,
     /// Model of the noise.
     pub noise: NoiseModel,
@@ -47,7 +47,7 @@ impl Annealing {
     pub const END: f64 = 30.0;
     /// Final σ as a multiple of the noise.
     pub const PER_NOISE: f64 = 2.0;
-    /// Steps that are shorter than this share of the noise end the work.
+    /// Steps that are shorter than this share of the standard deviation end the work.
     pub const TOLERANCE: f64 = 0.01;
     /// σ_sym, mm.
     pub const SYMMETRY_SIGMA: f64 = 15.0;

@@ -23,7 +23,7 @@ pub struct Terms<'a> {
     pub annealing: &'a Annealing,
     /// Kernel from which limb pairs and bones take part, mm.
     pub enter: f64,
-    /// The run ends when no joint moves by more than this fraction of the noise.
+    /// The run ends when no joint moves by more than this fraction of its standard deviation.
     pub tolerance: f64,
     /// Whether the final kernels may exceed [`Annealing::end`] where the noise requires it.
     pub follows_noise: bool,
@@ -47,7 +47,7 @@ pub(super) struct Solver {
     /// The same when the last run began.
     begun: usize,
     pub(super) converged: bool,
-    /// The longest move of a joint in the last step, mm.
+    /// The longest move of a joint in the last step, in standard deviations.
     longest: f64,
     /// Whether all estimated joints took part in the last run.
     pub(super) whole: bool,
@@ -92,20 +92,18 @@ impl Solver {
     pub(super) fn proceed(&mut self, terms: &Terms<'_>) {
         let annealing = terms.annealing;
         let damping = annealing.start.powi(-2);
-        self.converged &= self.longest <= terms.tolerance * self.noise();
+        self.converged &= self.longest <= terms.tolerance;
         let mut steady = !terms.follows_noise;
         while self.n_iter < self.begun + annealing.max_steps && !self.converged {
             self.joints.sum(1.0 / self.variance, damping);
             self.link(terms);
-            let noise = self.noise();
             self.solve();
             self.n_iter += 1;
-            self.longest = self.step(annealing, noise, steady);
+            self.longest = self.step(annealing, steady);
             let before = self.variance;
             self.estimate_noise(terms.follows_noise);
             steady = !terms.follows_noise || (self.variance / before - 1.0).abs() < STEADY;
-            self.converged =
-                self.narrow(terms) && steady && self.longest <= terms.tolerance * noise;
+            self.converged = self.narrow(terms) && steady && self.longest <= terms.tolerance;
         }
     }
 
@@ -173,26 +171,30 @@ impl Solver {
         }
     }
 
-    /// Moves the joints, at most by the widest kernel; returns the longest step, mm. If `steady`,
-    /// those that no longer move settle.
-    fn step(&mut self, annealing: &Annealing, noise: f64, steady: bool) -> f64 {
-        let (most, small) = (Four::splat(annealing.start), annealing.tolerance * noise);
-        let mut longest = 0.0_f64;
-        for group in self.joints.groups.iter_mut().filter(|group| !group.is_settled()) {
-            let [x, y, z] = group.step;
-            let length = (x * x + y * y + z * z).sqrt();
-            let share = (most / length).fast_min(Four::ONE);
+    /// Moves the joints, at most by the widest kernel; returns the longest step in standard
+    /// deviations: √(δᵀ D δ) of a joint's own block, √Λ |gᵀ δ| of a coupling. What a step lacks
+    /// along a ray that nothing else crosses means little. If `steady`, joints that no longer move
+    /// settle.
+    fn step(&mut self, annealing: &Annealing, steady: bool) -> f64 {
+        let (most, small) = (Four::splat(annealing.start), annealing.tolerance.powi(2));
+        let joints = &mut self.joints;
+        let stretch = |link: &Link| link.coupling.precision * link.along(|s| joints.step(s)).powi(2);
+        let mut longest = self.links.iter().map(stretch).fold(0.0, f64::max);
+        for group in joints.groups.iter_mut().filter(|group| !group.is_settled()) {
+            let ([x, y, z], held) = (group.step, group.block.times(&group.step));
+            let square = x * held[0] + y * held[1] + z * held[2];
+            let share = (most / (x * x + y * y + z * z).sqrt()).fast_min(Four::ONE);
             (0..3).for_each(|a| group.at[a] += group.step[a] * share);
             for l in 0..LANES {
                 if !group.settled[l] {
-                    let length = lane(&length, l);
-                    longest = longest.max(length);
+                    let square = lane(&square, l);
+                    longest = longest.max(square);
                     let is_free = group.narrow[l] && !group.coupled[l];
-                    group.settled[l] = steady && is_free && length <= small;
+                    group.settled[l] = steady && is_free && square <= small;
                 }
             }
         }
-        longest
+        longest.sqrt()
     }
 
     /// Narrows the kernels; returns whether all are final.
