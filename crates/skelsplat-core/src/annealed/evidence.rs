@@ -16,11 +16,12 @@
 //! its own ε, since its calibration may be wrong. ε and S are summed over, not chosen: a few
 //! detections cannot be sure of them. A prior adds −½ (x−x⁰)ᵀ Π (x−x⁰) to log p and Π to H.
 
-use super::joints::{FourRays, Joints};
-use super::lanes::{Four, LANES, exp, exp_of_one, lane, ln, set_lane};
+use super::across::{FourRays, FourViews};
+use super::joints::Joints;
+use super::lanes::{Four, LANES, ZERO, added, exp, exp_of_one, lane, ln, set_lane};
 use super::noise::PRIOR_DOF;
 use super::problem::Prior;
-use super::rays::{Ray, Rays, there};
+use super::rays::{Rays, there};
 use crate::matrix3::Symmetric;
 use nalgebra::Vector3;
 
@@ -111,37 +112,25 @@ impl Mixture {
     /// and the information on where that is.
     pub(super) fn at(
         &self,
-        rays: &[Ray],
+        views: &[FourViews],
         x: &Vector3<f64>,
         prior: Option<&Prior>,
     ) -> (f64, Symmetric) {
-        let (mut outer, mut weight, mut log_p) = (Symmetric::default(), 0.0, 0.0);
-        let mut seen = rays.iter().zip(&self.wrong).filter(|(ray, _)| ray.is_there());
-        loop {
-            let four: [Option<(&Ray, &f64)>; LANES] = std::array::from_fn(|_| seen.next());
-            if four[0].is_none() {
-                break;
-            }
-            let [mut square, mut ahead, mut c] = [Four::ZERO; 3];
-            let mut share = Four::ONE;
-            for (l, (ray, wrong)) in four.iter().flatten().enumerate() {
-                let offset = ray.offset(x);
-                set_lane(&mut square, l, offset.across.norm_squared());
-                set_lane(&mut ahead, l, if offset.range > 0.0 { 1.0 - *wrong } else { 0.0 });
-                set_lane(&mut share, l, **wrong);
-                set_lane(&mut c, l, ray.weight);
-            }
-            let (near, far) = self.densities(square);
-            let near = near * ahead;
+        let (mut outer, mut weight, mut log_p) = (ZERO, Four::ZERO, Four::ZERO);
+        for (four, wrong) in views.iter().zip(self.wrong.chunks(LANES)) {
+            let (across, rays, mut share) = (four.across(x), &four.rays, Four::ONE);
+            wrong.iter().enumerate().for_each(|(l, wrong)| set_lane(&mut share, l, *wrong));
+            let (near, far) = self.densities(across.square);
+            let near = across.range.simd_gt(Four::ZERO) & (near * (Four::ONE - share));
             let p = near + share * self.astray(&far);
-            log_p += (c * ln(p)).reduce_add() / self.weight;
-            let w = near / p * c * (1.0 / self.variance);
-            weight += w.reduce_add();
-            for (l, (ray, _)) in four.iter().flatten().enumerate() {
-                outer.add_outer(lane(&w, l), &ray.direction.into());
-            }
+            log_p += rays.weight * ln(p);
+            let w = rays.weight * near / p;
+            weight += w;
+            outer.add_outer(w, &rays.direction);
         }
-        let mut information = outer.below(weight, 1.0, 1.0 / self.widest);
+        let mut log_p = log_p.reduce_add() / self.weight;
+        let least = 1.0 / self.widest;
+        let mut information = added(&outer).below(weight.reduce_add(), 1.0 / self.variance, least);
         if let Some(prior) = prior {
             let off = x - prior.mean;
             log_p -= 0.5 * off.dot(&(prior.precision * off));
@@ -172,7 +161,8 @@ impl Seen {
     fn all(joints: &Joints, mixture: &Mixture) -> Vec<Self> {
         let m = joints.n_views;
         let of = |(k, ray): (usize, &FourRays)| {
-            let across = ray.across(&joints.groups[k / m].at, &joints.centres[k % m]);
+            let across =
+                ray.across(&joints.groups[k / m].at, &joints.centres[k % m].map(Four::splat));
             let (near, far) = mixture.densities(across.square);
             let there = joints.groups[k / m].live * ray.weight * (1.0 / joints.weight);
             Self { there, near: across.range.simd_gt(Four::ZERO) & near, far }

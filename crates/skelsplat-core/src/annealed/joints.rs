@@ -2,25 +2,17 @@
 
 use nalgebra::Vector3;
 
+use super::across::FourRays;
 use super::consensus::agrees;
 use super::depth::may_be_fixed;
 use super::equations::inverse_of;
-use super::lanes::{Four, FourSymmetric, LANES, ZERO, exp, lane, set_lane, set_lanes};
+use super::lanes::{Four, FourSymmetric, LANES, ZERO, lane, set_lane, set_lanes};
 use super::noise::{Residuals, pixel_of};
 use super::problem::{Annealing, Prior};
 use super::rays::{Rays, there};
 use super::starts::{is_narrow, nearest_to_all};
 use crate::matrix3::Symmetric;
 use crate::symmetry::LimbPair;
-
-/// A ray of each of four joints in one view.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct FourRays {
-    /// d.
-    pub(super) direction: [Four; 3],
-    /// c, 0 where missing.
-    pub(super) weight: Four,
-}
 
 /// A prior of each of four joints.
 #[derive(Debug, Clone, Copy)]
@@ -122,14 +114,13 @@ impl Joints {
         let mut slot = vec![0; n_joints];
         joint.iter().enumerate().for_each(|(s, j)| slot[*j] = s);
         let groups = n_joints.div_ceil(LANES);
-        let missing = FourRays { direction: [Four::ZERO; 3], weight: Four::ZERO };
         let mut joints = Self {
             n_joints,
             n_views,
             slot,
             joint,
             centres: vec![[0.0; 3]; n_views],
-            rays: vec![missing; groups * n_views],
+            rays: vec![FourRays::MISSING; groups * n_views],
             groups: vec![Group::NONE; groups],
             priors: Vec::new(),
             informed: (0..n_joints).map(|j| there(rays.of_joint(j)).next().is_some()).collect(),
@@ -150,9 +141,7 @@ impl Joints {
     pub(super) fn set_rays(&mut self, rays: &Rays, j: usize) {
         let (g, l) = self.place_of(j);
         for (i, ray) in rays.of_joint(j).iter().enumerate() {
-            let four = &mut self.rays[g * self.n_views + i];
-            set_lane(&mut four.weight, l, ray.weight);
-            set_lanes(&mut four.direction, l, ray.direction.as_slice());
+            self.rays[g * self.n_views + i].set(l, ray);
             if ray.is_there() {
                 self.centres[i] = ray.centre.into();
             }
@@ -265,7 +254,7 @@ impl Joints {
             let (mut weight, mut outer, mut pull) = (Four::ZERO, ZERO, [Four::ZERO; 3]);
             let (mut squares, mut support) = (Four::ZERO, Four::ZERO);
             for (centre, ray) in self.centres.iter().zip(&self.rays[g * m..(g + 1) * m]) {
-                let across = ray.across(&group.at, centre);
+                let across = ray.across(&group.at, &centre.map(Four::splat));
                 let k = ray.weight.simd_gt(Four::ZERO) & across.trust(quarter);
                 let w = ray.weight * k;
                 outer.add_outer(w, &ray.direction);
@@ -325,35 +314,5 @@ impl Joints {
         let off = there(rays.of_joint(j)).map(|ray| ray.offset(x).across.norm_squared());
         let farthest = off.fold(0.0, f64::max).sqrt();
         self.set_sigma(j, farthest.min(annealing.start).max(annealing.end[j]));
-    }
-}
-
-/// Positions relative to rays, four at a time.
-pub(super) struct Across {
-    /// e.
-    pub(super) e: [Four; 3],
-    /// Distance along the ray, negative behind the camera.
-    pub(super) range: Four,
-    /// |e|².
-    pub(super) square: Four,
-}
-
-impl Across {
-    /// k = exp(−|e|²/4σ²), 0 behind the camera; `quarter` is −1/4σ².
-    #[inline(always)]
-    pub(super) fn trust(&self, quarter: Four) -> Four {
-        self.range.simd_gt(Four::ZERO) & exp(self.square * quarter)
-    }
-}
-
-impl FourRays {
-    #[inline(always)]
-    pub(super) fn across(&self, at: &[Four; 3], centre: &[f64; 3]) -> Across {
-        let d = &self.direction;
-        let from: [Four; 3] = std::array::from_fn(|a| at[a] - centre[a]);
-        let range = d[0] * from[0] + d[1] * from[1] + d[2] * from[2];
-        let e: [Four; 3] = std::array::from_fn(|a| from[a] - d[a] * range);
-        let square = e[0] * e[0] + e[1] * e[1] + e[2] * e[2];
-        Across { e, range, square }
     }
 }

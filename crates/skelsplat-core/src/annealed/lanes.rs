@@ -91,6 +91,12 @@ pub(super) fn ln(x: Four) -> Four {
     whole * std::f64::consts::LN_2 + (s + s) * series
 }
 
+/// The sum of the four.
+#[inline(always)]
+pub(super) fn added(m: &FourSymmetric) -> Symmetric {
+    Symmetric(m.0.map(Four::reduce_add))
+}
+
 /// The value of one of the four.
 #[inline(always)]
 pub(super) fn lane(v: &Four, l: usize) -> f64 {

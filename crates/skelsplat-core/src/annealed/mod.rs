@@ -16,6 +16,7 @@
 //! weighted least-squares problem: iteratively re-weighted Gauss–Newton. σ starts wide, where every
 //! detection counts, and narrows to the noise.
 
+mod across;
 pub mod consensus;
 mod couplings;
 pub mod depth;

@@ -11,6 +11,7 @@
 
 use nalgebra::Vector3;
 
+use super::across::FourViews;
 use super::consensus::{agrees, meeting_point, settled};
 use super::evidence::{ASTRAY, Mixture};
 use super::problem::{Prior, Solution};
@@ -163,9 +164,11 @@ impl PlaceSearch<'_> {
     /// The places of joint `j`; only doubtful joints have others than their own.
     fn places(&self, j: usize) -> Vec<Place> {
         let x = self.solution.points[j];
-        let doubtful = self.votes.is_doubtful(j);
-        let mut found =
-            if doubtful { self.elsewhere(j, |end| self.votes.agree[end] > 1) } else { Vec::new() };
+        if !self.votes.is_doubtful(j) {
+            return if x.x.is_finite() { vec![Place { at: x, cost: 0.0 }] } else { Vec::new() };
+        }
+        let views = FourViews::of(self.rays.of_joint(j));
+        let mut found = self.elsewhere(j, &views, |end| self.votes.agree[end] > 1);
         // Every ray passes somewhere: a detection determines a place with another or with a bone.
         let has_bone = self.bones.iter().any(|bone| bone.joints.contains(&j));
         if found.is_empty() || self.votes.agree[j] > if has_bone { 0 } else { 1 } {
@@ -174,21 +177,25 @@ impl PlaceSearch<'_> {
             found.insert(0, x);
         }
         found.retain(|x| x.x.is_finite());
-        let cost = |x: &Vector3<f64>| if doubtful { self.against(j, x) } else { 0.0 };
-        found.iter().map(|x| Place { at: *x, cost: cost(x) }).collect()
+        found.iter().map(|x| Place { at: *x, cost: self.against(j, &views, x) }).collect()
     }
 
-    /// −log p of joint `j` at `x`, without its bones.
-    pub(super) fn against(&self, j: usize, x: &Vector3<f64>) -> f64 {
+    /// −log p of joint `j` with these `views` at `x`, without its bones.
+    pub(super) fn against(&self, j: usize, views: &[FourViews], x: &Vector3<f64>) -> f64 {
         let prior = self.priors.map(|priors| &priors[j]);
         let past = self.past.and_then(|past| past[j]);
         let moved = past.map_or(0.0, |past| since(&(x - past)));
-        moved - self.mixture.at(self.rays.of_joint(j), x, prior).0
+        moved - self.mixture.at(views, x, prior).0
     }
 
     /// Where two rays of joint `j` meet that do not both agree on where it is, and where a ray
     /// meets the sphere around the other end of a bone, of those `ends`.
-    pub(super) fn elsewhere(&self, j: usize, ends: impl Fn(usize) -> bool) -> Vec<Vector3<f64>> {
+    pub(super) fn elsewhere(
+        &self,
+        j: usize,
+        views: &[FourViews],
+        ends: impl Fn(usize) -> bool,
+    ) -> Vec<Vector3<f64>> {
         let (rays, sigma) = (self.rays.of_joint(j), self.solution.sigma[j]);
         let x = &self.solution.points[j];
         let agrees = |ray: &Ray| agrees(ray, x, sigma);
@@ -196,7 +203,7 @@ impl PlaceSearch<'_> {
         for (k, first) in rays.iter().enumerate().filter(|(_, ray)| ray.is_there()) {
             let others = there(&rays[k + 1..]).filter(|other| !(agrees(first) && agrees(other)));
             let meetings = others.filter_map(|other| meeting_point(first, other, sigma));
-            found.extend(meetings.map(|x| settled(rays, x, sigma)));
+            found.extend(meetings.map(|x| settled(views, x, sigma)));
             for bone in self.bones {
                 if let Some(end) = other_end(bone.joints, j).filter(|end| ends(*end)) {
                     let centre = &self.solution.points[end];

@@ -7,6 +7,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::across::FourViews;
 use super::consensus::settled;
 use super::equations::inverse_of;
 use super::places::PlaceSearch;
@@ -36,18 +37,18 @@ pub(super) fn rivals(of: &PlaceSearch<'_>, j: usize, own_noise: bool) -> Vec<Riv
     let (agree, seen) = (of.votes.agree[j], of.votes.seen[j]);
     let has_bone = of.bones.iter().any(|bone| bone.joints.contains(&j));
     let is_contradicted = agree < seen && agree < seen - agree + SURE;
-    let mut found = match is_contradicted || agree < 2 && has_bone {
-        true => elsewhere(of, j),
-        false => Vec::new(),
-    };
-    if own_noise && agree > 1 && (is_contradicted || of.solution.is_loud(j)) {
+    let may_move = is_contradicted || agree < 2 && has_bone;
+    let may_be_noisier = own_noise && agree > 1 && (is_contradicted || of.solution.is_loud(j));
+    if !(may_move || may_be_noisier) {
+        return Vec::new();
+    }
+    let views = FourViews::of(of.rays.of_joint(j));
+    let mut found = if may_move { elsewhere(of, j, &views) } else { Vec::new() };
+    if may_be_noisier {
         let mut at = of.solution.points[j];
-        found.extend(LEVELS.map(|level| noisier(of, j, level, &mut at)));
+        found.extend(LEVELS.map(|level| noisier(of, j, &views, level, &mut at)));
     }
-    if found.is_empty() {
-        return found;
-    }
-    let here = log_p(of, j, &of.solution.points[j]);
+    let here = log_p(of, j, &views, &of.solution.points[j]);
     let most = found.iter().map(|rival| rival.share).fold(here, f64::max);
     found.iter_mut().for_each(|rival| rival.share = (rival.share - most).exp());
     let all = found.iter().map(|rival| rival.share).sum::<f64>() + (here - most).exp();
@@ -56,12 +57,13 @@ pub(super) fn rivals(of: &PlaceSearch<'_>, j: usize, own_noise: bool) -> Vec<Riv
 }
 
 /// Other places, the likeliest first, so that the order of the views does not matter.
-fn elsewhere(of: &PlaceSearch<'_>, j: usize) -> Vec<Rival> {
+fn elsewhere(of: &PlaceSearch<'_>, j: usize, views: &[FourViews]) -> Vec<Rival> {
     let (x, sigma) = (&of.solution.points[j], of.solution.sigma[j]);
     let is_apart = |a: &Vector3<f64>, b: &Vector3<f64>| (a - b).norm() > APART * sigma;
-    let places = of.elsewhere(j, |end| is_firm(of, end)).into_iter().filter(|y| is_apart(x, y));
+    let places = of.elsewhere(j, views, |end| is_firm(of, end)).into_iter();
+    let places = places.filter(|y| is_apart(x, y));
     let mut weighed: Vec<Rival> =
-        places.map(|at| Rival { at, share: log_p(of, j, &at), spread: None }).collect();
+        places.map(|at| Rival { at, share: log_p(of, j, views, &at), spread: None }).collect();
     weighed.sort_by(|a, b| b.share.total_cmp(&a.share));
     let mut found: Vec<Rival> = Vec::new();
     for place in weighed {
@@ -73,18 +75,23 @@ fn elsewhere(of: &PlaceSearch<'_>, j: usize) -> Vec<Rival> {
 }
 
 /// The joint with more noise, `at` the place to which its rays then move it from that with less.
-fn noisier(of: &PlaceSearch<'_>, j: usize, level: (f64, f64), at: &mut Vector3<f64>) -> Rival {
-    let (times, probability) = level;
-    let (rays, sigma) = (of.rays.of_joint(j), times * of.solution.sigma[j]);
+fn noisier(
+    of: &PlaceSearch<'_>,
+    j: usize,
+    views: &[FourViews],
+    (times, probability): (f64, f64),
+    at: &mut Vector3<f64>,
+) -> Rival {
+    let sigma = times * of.solution.sigma[j];
     let prior = of.priors.map(|priors| &priors[j]);
-    *at = settled(rays, *at, sigma);
-    let (log, information) = of.mixture.noisier(times * times).at(rays, at, prior);
+    *at = settled(views, *at, sigma);
+    let (log, information) = of.mixture.noisier(times * times).at(views, at, prior);
     let share = log - against_bones(of, j, at) + probability.ln();
     Rival { at: *at, share, spread: Some(inverse_of(&information.matrix())) }
 }
 
-fn log_p(of: &PlaceSearch<'_>, j: usize, x: &Vector3<f64>) -> f64 {
-    -of.against(j, x) - against_bones(of, j, x)
+fn log_p(of: &PlaceSearch<'_>, j: usize, views: &[FourViews], x: &Vector3<f64>) -> f64 {
+    -of.against(j, views, x) - against_bones(of, j, x)
 }
 
 /// −log p of the bones from firm joints to joint `j` at `x`: the rivals of a doubtful end would

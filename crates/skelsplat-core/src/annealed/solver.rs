@@ -178,7 +178,8 @@ impl Solver {
     fn step(&mut self, annealing: &Annealing, steady: bool) -> f64 {
         let (most, small) = (Four::splat(annealing.start), annealing.tolerance.powi(2));
         let joints = &mut self.joints;
-        let stretch = |link: &Link| link.coupling.precision * link.along(|s| joints.step(s)).powi(2);
+        let stretch =
+            |link: &Link| link.coupling.precision * link.along(|s| joints.step(s)).powi(2);
         let mut longest = self.links.iter().map(stretch).fold(0.0, f64::max);
         for group in joints.groups.iter_mut().filter(|group| !group.is_settled()) {
             let ([x, y, z], held) = (group.step, group.block.times(&group.step));

@@ -9,7 +9,7 @@
 
 use nalgebra::Vector3;
 
-use super::joints::FourRays;
+use super::across::FourRays;
 use super::lanes::Four;
 use super::rays::{self, Meeting, Rays};
 use crate::layout::Layout;
@@ -119,8 +119,10 @@ impl Judge<'_> {
             };
             let sigma = of_places(pair.map(|j| self.sigma[j]));
             let at = std::array::from_fn(|a| of_places([x[0][a], x[1][a]]));
-            let centre = rays[usize::from(!rays[0].is_there())].centre.into();
-            let k = four.across(&at, &centre).trust(Four::splat(-0.25) / (sigma * sigma));
+            let centre: [f64; 3] = rays[usize::from(!rays[0].is_there())].centre.into();
+            let k = four
+                .across(&at, &centre.map(Four::splat))
+                .trust(Four::splat(-0.25) / (sigma * sigma));
             let [own_l, own_r, other_l, other_r] = (four.weight * k).to_array();
             ways.all += rays[0].weight + rays[1].weight;
             ways.own += own_l + own_r;
