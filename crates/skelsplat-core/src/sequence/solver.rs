@@ -97,13 +97,12 @@ impl<'a> WindowSolver<'a> {
     /// # Errors
     /// [`crate::Error::Cancelled`] once `progress` is cancelled.
     pub fn anneal(&mut self, schedule: &Schedule, progress: &Progress) -> Result<()> {
-        let noise = self.common.noise.of_joints().into_iter().fold(f64::INFINITY, f64::min).sqrt();
         for (wider, steps) in schedule {
             for _ in 0..*steps {
                 progress.check()?;
                 self.linearise(*wider);
                 self.n_iter += 1;
-                if self.step() < Annealing::TOLERANCE * noise {
+                if self.step() < Annealing::TOLERANCE {
                     break;
                 }
             }
@@ -134,14 +133,15 @@ impl<'a> WindowSolver<'a> {
         chain.selected_inverse()
     }
 
-    /// One step; returns the root mean square movement, mm.
+    /// One step δ; returns its root mean square in standard deviations, √(δᵀ H δ/NT), with H δ =
+    /// −∇.
     fn step(&mut self) -> f64 {
         let step = self.system.solve(Annealing::START.powi(-2), ACCURACY, ROUNDS);
         let mut squares = 0.0;
-        for (x, step) in self.points.iter_mut().zip(step) {
+        for ((x, step), pull) in self.points.iter_mut().zip(step).zip(&self.system.pulls) {
             let length = step.norm();
             *x += if length > Annealing::START { step * (Annealing::START / length) } else { step };
-            squares += length * length;
+            squares += step.dot(pull);
         }
         (squares / self.points.len() as f64).sqrt()
     }
