@@ -199,7 +199,7 @@ impl PlaceSearch<'_> {
         let (rays, sigma) = (self.rays.of_joint(j), self.solution.sigma[j]);
         let x = &self.solution.points[j];
         let agrees = |ray: &Ray| agrees(ray, x, sigma);
-        let mut found = Vec::new();
+        let mut found = Vec::with_capacity(rays.len() * (rays.len() + self.bones.len()));
         for (k, first) in rays.iter().enumerate().filter(|(_, ray)| ray.is_there()) {
             let others = there(&rays[k + 1..]).filter(|other| !(agrees(first) && agrees(other)));
             let meetings = others.filter_map(|other| meeting_point(first, other, sigma));
