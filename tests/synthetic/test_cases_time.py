@@ -85,8 +85,9 @@ def test_large_noise_has_bars_of_its_size(factor):
     assert np.abs(np.mean(shares, axis=0) - [0.199, 0.739, 0.971]).max() < 0.08
 
 
-def test_the_pose_before_and_after_decides_the_sides():
-    seen, part = moving(100), slice(40, 50)
+@pytest.mark.parametrize("part", [slice(40, 50), slice(30, 75)])
+def test_the_pose_before_and_after_decides_the_sides(part):
+    seen = moving(100)
     result = solved(exchanged(seen, part, range(4), range(17)))
     assert error(seen, result)[part].mean() < 30.0
     assert result.swapped[part].any()

@@ -10,9 +10,6 @@ from pose_sample import JOINTS, assert_equal, sample
 from skelsplat.findings import FindingWarning
 from skelsplat.io import PoseData, read_trc, write_trc
 
-# half a unit of the last digit: micrometres
-DIGIT = 5.0001e-7
-
 
 @pytest.fixture
 def path(tmp_path):

@@ -87,7 +87,8 @@ fn against(tracks: &Tracks, pairs: &Chain, t: usize) -> [f64; 2] {
             views = [views[0] + against[0], views[1] + against[1]];
         }
     }
-    views
+    // What exchanges the sides in all views is one cause, and counts as one of them.
+    [views[0].min(1.0 + views[1]), views[1].min(1.0 + views[0])]
 }
 
 /// How little farther the sides move if they cross, from 0 (much farther) to 1 (they do cross): the

@@ -54,6 +54,9 @@ impl RunningLength {
 pub(super) struct Tie {
     pub(super) to: Answer,
     pub(super) length: Length,
+    /// Whether bones lead on to a joint that its views determine: joints of which the past alone
+    /// tells the depth have the same error, and do not confirm each other.
+    pub(super) is_held: bool,
 }
 
 impl Tie {

@@ -79,18 +79,19 @@ impl Observation<'_> {
         adds: impl Fn(&Vector3<f64>, &mut Matrix3<f64>, &mut Vector3<f64>),
     ) -> (Vector3<f64>, Matrix3<f64>) {
         let prior = inverse(&state.position);
-        let mut spread = state.position;
+        let mut known = prior;
         for _ in 0..steps {
-            let (mut information, mut pull) = (prior, times(&prior, &(state.at - at)));
-            adds(&at, &mut information, &mut pull);
-            for (block, b) in self.ties.iter().map(|tie| tie.pull(&at)) {
-                information += block;
+            let (mut shape, mut pull) = (Matrix3::zeros(), times(&prior, &(state.at - at)));
+            known = prior;
+            adds(&at, &mut known, &mut pull);
+            for tie in &self.ties {
+                let (block, b) = tie.pull(&at);
+                *(if tie.is_held { &mut known } else { &mut shape }) += block;
                 pull += b;
             }
-            spread = symmetrised(&inverse(&information));
-            at += times(&spread, &pull);
+            at += times(&inverse(&(known + shape)), &pull);
         }
-        (at, spread)
+        (at, symmetrised(&inverse(&known)))
     }
 }
 
@@ -203,13 +204,12 @@ impl LiveJoint {
                 *pull -= offset.across * w;
             }
         });
-        let (mut n, mut weight, mut agreeing) = (0.0, 0.0, 0);
-        for k in there(seen.rays).map(|ray| ray.offset(&at).weight(seen.sigma)) {
-            (n, weight) = (n + 1.0, weight + k);
-            agreeing += usize::from(k >= REJECTED);
-        }
+        let kernel = |ray: &Ray| ray.offset(&at).weight(seen.sigma);
+        let kept: Vec<f64> = there(seen.rays).map(kernel).collect();
+        let (n, weight) = (kept.len() as f64, kept.iter().sum());
         state.update(at, spread);
-        self.unseen = if agreeing > 0 { 0.0 } else { self.unseen + 1.0 / seen.fps };
+        let is_seen = kept.iter().any(|k| *k >= REJECTED);
+        self.unseen = if is_seen { 0.0 } else { self.unseen + 1.0 / seen.fps };
         if self.unseen > AROUND {
             return seen.alone;
         }

@@ -12,8 +12,8 @@
 //! kernel); beyond it the joint has jumped: no prior, and the state starts again at y. The state
 //! before is kept aside for three frames, in case the views agreed by chance. Where the views
 //! determine no position, the rays near the prediction count, and the prediction gives the rest;
-//! without any ray it bridges up to half a second. Bones of learnt lengths tie a joint to joints of
-//! the same frame with smaller error bars.
+//! without any ray it bridges up to half a second. Bones of learnt lengths tie a joint to others of
+//! the same frame; those that lead to no joint seen by its views keep the body's shape, no more.
 //!
 //! Errors of detections last, and a filter averages over frames: the error bar is C = (1 − c) f(n)
 //! S + c R̄, with the posterior S, the memory (c, f) that errors usually have ([`Memory::usual`]),
@@ -160,10 +160,8 @@ impl Live {
     fn scaled(&mut self, refiner: &Refiner, frame: &Frame) -> Result<Option<Arc<Refiner>>> {
         if self.size.is_nan() {
             self.size = body_size(refiner, &[std::slice::from_ref(frame)])?;
-            self.scaled = None;
-        }
-        if self.scaled.is_none() && self.size.is_finite() && self.size != 1.0 {
-            self.scaled = Some(Arc::new(refiner.at_size(self.size)));
+            let is_other = self.size.is_finite() && self.size != 1.0;
+            self.scaled = is_other.then(|| Arc::new(refiner.at_size(self.size)));
         }
         Ok(self.scaled.clone())
     }
@@ -244,26 +242,27 @@ impl Live {
         while !left.is_empty() {
             let tied = |j: &usize| self.ties(*j, &answers, refiner).next().is_some();
             let next = if determined > 0 { None } else { left.iter().position(tied) };
-            determined = determined.saturating_sub(1);
             let j = left.remove(next.unwrap_or(0));
             seen[j].ties = self.ties(j, &answers, refiner).collect();
-            answers[j] = Some(self.joints[j].step(&seen[j]));
+            let is_held = determined > 0 || seen[j].ties.iter().any(|tie| tie.is_held);
+            determined = determined.saturating_sub(1);
+            answers[j] = Some((self.joints[j].step(&seen[j]), is_held));
         }
-        answers.into_iter().flatten().collect()
+        answers.into_iter().flatten().map(|(answer, _)| answer).collect()
     }
 
-    /// The bones of joint `j` to joints that are known.
+    /// The bones of joint `j` to joints that are known, and whether these are held.
     fn ties(
         &self,
         j: usize,
-        answers: &[Option<Answer>],
+        answers: &[Option<(Answer, bool)>],
         refiner: &Refiner,
     ) -> impl Iterator<Item = Tie> {
         let tie = move |(length, bone): (Option<Length>, &[usize; 2])| {
-            let to = answers[other_end(*bone, j)?]?;
+            let (to, is_held) = answers[other_end(*bone, j)?]?;
             let length = length?;
             let known = to.at.x.is_finite() && to.covariance.trace().is_finite();
-            known.then_some(Tie { to, length })
+            known.then_some(Tie { to, length, is_held })
         };
         self.lengths(refiner).zip(refiner.bones()).filter_map(tie)
     }
@@ -279,15 +278,12 @@ impl Live {
     /// What the frames so far tell a recording.
     fn learnt(&self, refiner: &Refiner, last: &Alone) -> Learnt {
         let unknown = Length { mean: 0.0, sigma: f64::INFINITY };
+        let steady = |joint: &LiveJoint| ProcessNoise::steady(joint.process_noise(self.fps));
         let common = Common {
             fps: self.fps,
             bones: refiner.bones().to_vec(),
             lengths: self.lengths(refiner).map(|length| length.unwrap_or(unknown)).collect(),
-            process_noise: self
-                .joints
-                .iter()
-                .map(|joint| ProcessNoise::steady(joint.process_noise(self.fps)))
-                .collect(),
+            process_noise: self.joints.iter().map(steady).collect(),
             noise: DetectionNoise::uniform(
                 vec![last.rays.mean_weight(); last.rays.n_views()],
                 self.variance() / last.rays.mean_weight(),
