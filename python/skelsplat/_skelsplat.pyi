@@ -325,7 +325,7 @@ class RefineConfig:
         None: 20 for all.
     step_tolerance : float, default 0.01
         Converged when the kernels have reached their final width and no joint moves by more than this
-        fraction of the noise.
+        fraction of its standard deviation.
 
     For paper, accepted by RefineConfig.paper(...):
 
