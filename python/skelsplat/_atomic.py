@@ -35,11 +35,13 @@ def atomic_path(
     suffix or else the same; it is flushed to disk and then moved over `path` in one step. On an exception an
     older file stays as it was. A symbolic link is followed, and a file that is replaced hands on who may read
     and write it. Without `durable` nothing waits for the disk: after a power failure the file may be torn.
-    A folder that is missing and a path that cannot be written are a `DatasetError`.
+    A folder that is missing, a path that cannot be written, a device and a pipe are a `DatasetError`.
     """
     target = Path(os.path.realpath(path))
     temporary = target.with_name(f".{target.stem}.{secrets.token_hex(6)}{suffix or target.suffix}")
     with opening(Path(path), "a path that can be written", "output"):
+        if target.exists() and not (target.is_file() or target.is_dir()):
+            raise OSError("a device or a pipe, which it would replace")
         try:
             temporary.open("xb").close()
             yield temporary
@@ -84,5 +86,5 @@ def atomic_write(path: str | os.PathLike[str], *, durable: bool = True) -> Itera
 def atomic_write_text(path: str | os.PathLike[str], *parts: Iterable[str]) -> None:
     """Write texts, or parts of them, as UTF-8 to `path` with `atomic_write`; line ends are as given."""
     with atomic_write(path) as stream:
-        for text in chain.from_iterable([one] if isinstance(one, str) else one for one in parts):
-            stream.write(text.encode("utf-8"))
+        texts = chain.from_iterable([one] if isinstance(one, str) else one for one in parts)
+        stream.writelines(text.encode("utf-8") for text in texts)

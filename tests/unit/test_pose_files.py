@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import zipfile
 from dataclasses import fields, replace
 from pathlib import Path
@@ -310,6 +311,13 @@ def test_a_failed_write_leaves_the_older_file(tmp_path):
         write()
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_pipe_is_not_replaced(tmp_path):
+    os.mkfifo(path := tmp_path / "pose.npz")
+    with pytest.raises(sk.DatasetError, match="a device or a pipe"), atomic_write(path):
+        pass
+    assert path.is_fifo()
 
 
 def test_what_killed_processes_left_is_removed(tmp_path):
