@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::lanes::{Four, LANES, exp, set_lane, set_lanes};
-use super::rays::Ray;
+use super::rays::{Ray, there};
 
 /// Four rays: of four joints in one view, or of one joint in four views.
 #[derive(Debug, Clone, Copy)]
@@ -18,6 +18,8 @@ pub(super) struct FourRays {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct FourViews {
     pub(super) rays: FourRays,
+    /// The views; too large where there are fewer than four.
+    pub(super) views: [usize; LANES],
     centre: [Four; 3],
 }
 
@@ -62,17 +64,21 @@ impl FourRays {
 }
 
 impl FourViews {
-    /// Those of all views, in their order.
+    /// No views.
+    const NONE: Self =
+        Self { rays: FourRays::MISSING, views: [usize::MAX; LANES], centre: [Four::ZERO; 3] };
+
+    /// Those that detect the joint, in their order.
     pub(super) fn of(rays: &[Ray]) -> Vec<Self> {
-        let four = |rays: &[Ray]| {
-            let mut four = Self { rays: FourRays::MISSING, centre: [Four::ZERO; 3] };
-            for (l, ray) in rays.iter().enumerate() {
-                four.rays.set(l, ray);
-                set_lanes(&mut four.centre, l, ray.centre.as_slice());
-            }
-            four
-        };
-        rays.chunks(LANES).map(four).collect()
+        let mut all = vec![Self::NONE; there(rays).count().div_ceil(LANES)];
+        let seen = rays.iter().enumerate().filter(|(_, ray)| ray.is_there());
+        for (k, (i, ray)) in seen.enumerate() {
+            let (four, l) = (&mut all[k / LANES], k % LANES);
+            four.rays.set(l, ray);
+            four.views[l] = i;
+            set_lanes(&mut four.centre, l, ray.centre.as_slice());
+        }
+        all
     }
 
     /// The point `x` relative to the rays.

@@ -18,7 +18,7 @@
 
 use super::across::{FourRays, FourViews};
 use super::joints::Joints;
-use super::lanes::{Four, LANES, ZERO, added, exp, exp_of_one, lane, ln, set_lane};
+use super::lanes::{Four, LANES, ZERO, added, exp, exp_of_one, lane, ln};
 use super::noise::PRIOR_DOF;
 use super::problem::Prior;
 use super::rays::{Rays, there};
@@ -117,9 +117,9 @@ impl Mixture {
         prior: Option<&Prior>,
     ) -> (f64, Symmetric) {
         let (mut outer, mut weight, mut log_p) = (ZERO, Four::ZERO, Four::ZERO);
-        for (four, wrong) in views.iter().zip(self.wrong.chunks(LANES)) {
-            let (across, rays, mut share) = (four.across(x), &four.rays, Four::ONE);
-            wrong.iter().enumerate().for_each(|(l, wrong)| set_lane(&mut share, l, *wrong));
+        for four in views {
+            let (across, rays) = (four.across(x), &four.rays);
+            let share = Four::new(four.views.map(|i| self.wrong.get(i).copied().unwrap_or(1.0)));
             let (near, far) = self.densities(across.square);
             let near = across.range.simd_gt(Four::ZERO) & (near * (Four::ONE - share));
             let p = near + share * self.astray(&far);
