@@ -26,6 +26,7 @@ from skelsplat.rig_check import ReadAs, unusual_lenses
 from skelsplat.run.adjusted import offset_of
 from skelsplat.run.calibrate_findings import of_calibration, of_clocks, of_moved
 from skelsplat.run.cameras import warn_of_place
+from skelsplat.run.image_sizes import in_calibrated_pixels, resizing
 from skelsplat.run.job import IncompleteJobError
 from skelsplat.run.person import are_people, entry_of, pick_places
 from skelsplat.run.read import open_at_rates, open_recording, read_as, read_rig, videos_beside
@@ -258,14 +259,29 @@ def _opened(
         recordings = [_with_lenses(path, intrinsics, read, **given) for path in paths]
     else:
         recordings = [_named(path, videos, read.get("size"), **given) for path in paths]
-    a = recordings[0].detections
+    first = recordings[0]
+    a = first.detections
     for path, b in zip(paths, (one.detections for one in recordings), strict=True):
         joints = tuple(a.skeleton.joints), tuple(b.skeleton.joints)
         for what, known, found in (("cameras", a.camera_names, b.camera_names), ("joints", *joints)):
             if known != found:
                 expected = f"those of {paths[0]}, {', '.join(known)}"
                 raise DatasetError(path, what, expected, ", ".join(found))
-    return recordings
+    if intrinsics is not None:  # they are in pixels of its images
+        return recordings
+    return [first, *(_in_pixels_of(first, one) for one in recordings[1:])]
+
+
+def _in_pixels_of(first: _Recording, one: _Recording) -> _Recording:
+    """Return a recording in pixels of the first one's images, of which its own have to be copies."""
+    sizes = dict(zip(first.detections.camera_names, (lens.size for lens in first.lenses), strict=True))
+    for (name, whole), lens in zip(sizes.items(), one.lenses, strict=True):
+        factors = resizing(lens.size, whole)
+        stated = name in one.detections.sizes  # refine resizes as well
+        if factors is None or not (stated or (factors == 1.0).all()):
+            expected = f"{size_text(whole)} for {name}, as in {first.path}"
+            raise DatasetError(one.path, "image size", expected, size_text(lens.size))
+    return replace(one, detections=in_calibrated_pixels(one.detections, sizes), lenses=first.lenses)
 
 
 def _calibrated(
