@@ -119,6 +119,21 @@ def test_a_camera_that_agrees_only_at_times_is_named(room, tmp_path):
     assert [one["subject"]["cameras"] for one in found] == [["cam4"]]
 
 
+@pytest.mark.parametrize("clock", [[], ["--clock", "--fps", 25]])
+def test_a_camera_that_skipped_frames_is_named_with_the_frame(room, tmp_path, clock):
+    given = ["-o", tmp_path / "a.toml", *LAYOUT, "--intrinsics", room / "lenses.toml", "--json"]
+    document = json.loads(invoke("calibrate", room / "skipped", *given, *clock).stdout)
+    found = {one["kind"]: one for one in document["findings"] if "cam2" in one["subject"]["cameras"]}
+    subject = found["clock_changes"]["subject"]
+    assert (subject["cameras"], abs(subject["frames"][0] - 60) <= 3) == (["cam2"], True)
+    if clock:
+        assert [*found] == ["clock_changes", "cameras_not_calibrated"]
+        assert found["cameras_not_calibrated"]["remedy"] == [{"setting": "without", "value": "cam2"}]
+    else:  # it is left out, and why is said once
+        assert [*found] == ["clock_changes"]
+        assert [one["status"] for one in document["cameras"]].count("left_out") == 1
+
+
 def test_focal_lengths_and_sizes_from_what_the_folder_knows(room, tmp_path):
     pose = tmp_path / "pose"
     (room / "pose").rename(pose)

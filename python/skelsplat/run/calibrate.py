@@ -24,7 +24,8 @@ from skelsplat.io.detections import camera_called, camera_labels, cameras_called
 from skelsplat.io.video import find_videos, open_source
 from skelsplat.rig_check import ReadAs, unusual_lenses
 from skelsplat.run.adjusted import offset_of
-from skelsplat.run.calibrate_findings import of_calibration, of_clocks, of_moved
+from skelsplat.run.by_everybody import Scene
+from skelsplat.run.calibrate_findings import of_calibration, of_clocks, of_skipped
 from skelsplat.run.cameras import warn_of_place
 from skelsplat.run.image_sizes import in_calibrated_pixels, resizing
 from skelsplat.run.job import IncompleteJobError
@@ -174,6 +175,13 @@ class _Seen:
             raise DatasetError(self.recording.path, "clocks", expected, f"doubts ({found.doubts[0]})")
         return found if clock or any(found.clocks.values()) else None
 
+    def skipped(self, found: sk.RigCalibration, people: Array, several: bool) -> Iterator[Finding]:
+        """Name cameras whose frame numbers change in this recording, one of ``several``."""
+        one = self.recording
+        read, name = one.detections, str(one.path) if several else ""
+        scene = Scene(found.cameras, people, self.frames, read.skeleton, read_as(read))
+        yield from of_skipped(found, one.lenses, scene, name)
+
     def in_files(self, found: sk.RigCalibration) -> sk.RigCalibration:
         """Return cameras with clocks in their own frames in the files."""
         return replace(
@@ -230,7 +238,7 @@ def calibrate_cameras(
         focal=not isinstance(first.lenses[0], sk.Camera),
         scale="distance" if distance is not None else "adults" if stature is None else "stature",
         recordings=tuple(map(partial(_recorded, result, times), seen, offsets)),
-        findings=(*kept, *told, *of_moved(result, times), *of_calibration(result, clock, same_focal)),
+        findings=(*kept, *told, *of_calibration(result, times, clock, same_focal, told)),
         layout=first.detections.skeleton,
         frames=seen[0].frames if len(seen) == 1 else seen[0].step * np.arange(len(result.people[0])),
         fps=first.detections.frame_rate,
@@ -300,7 +308,10 @@ def _calibrated(
         told += () if alone is None else of_clocks(one.in_files(alone), str(one.recording.path))
     together = one_after_another([padded(part, max(one.shape[2] for one in parts)) for part in parts])
     asked = {**asked, "progress": part_of(progress, len(seen) * several, len(seen) + several)}
-    found = seen[0].in_files(seen[0].calibrated(together, clock=clock and not several, **asked))
+    found = seen[0].calibrated(together, clock=clock and not several, **asked)
+    for one, people in zip(seen, parts, strict=True):
+        told += one.skipped(found, people, several)
+    found = seen[0].in_files(found)
     each = [_offsets(found, ReadAs(offsets=own)) for own in offsets]
     shared = all(one == each[0] for one in each)
     clocks = {name: -offset for name, offset in each[0].items()} if shared else {}
