@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from command_line import assert_fails, invoke, read_report, succeed
 from overlay_case import write_video
 from report_page import data_of, numbers
 from rig_room import LATE, RIG, write_room
-from skelsplat.io import read_calibration, sample
+from skelsplat.io import read_calibration, sample, write_calibration
 from skelsplat.io.detections import camera_labels
 from skelsplat.io.detections._record import Record, Video, write_record
 from skelsplat.run import folder
@@ -110,13 +111,16 @@ def test_a_useless_camera_is_left_out(room, tmp_path):
     assert error_after(command, tmp_path / "out") < 4
 
 
-def test_a_camera_that_agrees_only_at_times_is_named(room, tmp_path):
-    options = [*LAYOUT, "--intrinsics", room / "lenses.toml", "--json"]
+@pytest.mark.parametrize("sigma", [0.0, 3.0])
+def test_a_camera_that_agrees_only_at_times_is_named(room, tmp_path, sigma):
+    write_calibration(tmp_path / "lenses.toml", replace(RIG, joint_sigma=sigma))
+    options = [*LAYOUT, "--intrinsics", tmp_path / "lenses.toml", "--json"]
     config = tmp_path / "config.toml"
     config.write_text(f"detections = ['{room / 'mixed'}']\n")
     result = succeed("calibrate", "--config", config, "-o", tmp_path / "mixed.toml", *options)
-    found = [one for one in json.loads(result.stdout)["findings"] if one["kind"] == "camera_disagrees"]
-    assert [one["subject"]["cameras"] for one in found] == [["cam4"]]
+    found = {one["kind"]: one["subject"] for one in json.loads(result.stdout)["findings"]}
+    assert found["camera_disagrees"]["cameras"] == ["cam4"]
+    assert ("cameras_estimated" in found) == bool(sigma)  # lenses may be no better than those cameras
 
 
 @pytest.mark.parametrize("clock", [[], ["--clock", "--fps", 25]])

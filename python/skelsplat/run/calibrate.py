@@ -18,7 +18,7 @@ from skelsplat._frozen import frozen, frozen_finding
 from skelsplat._who import GAP, one_after_another
 from skelsplat._words import size_text
 from skelsplat.exceptions import DatasetError, DegenerateGeometryError, InvalidInputError
-from skelsplat.findings import Finding, collected_warnings, warn
+from skelsplat.findings import Finding, Subject, collected_warnings, warn
 from skelsplat.io.detections import Opened as Detections
 from skelsplat.io.detections import camera_called, camera_labels, cameras_called
 from skelsplat.io.video import find_videos, open_source
@@ -370,6 +370,10 @@ def _with_lenses(
     opened = open_recording(intrinsics, detections, read=read, without=without, **given)
     for finding in unusual_lenses(opened.rig):
         warn(finding)
+    if opened.rig.joint_sigma:
+        words = f"The cameras of {intrinsics.name} were found from people. Its lenses count as exact: error "
+        words += "bars lack theirs if they were found as well. Without the file, they are found anew."
+        warn(Finding("cameras_estimated", "note", Subject(files=(str(intrinsics),)), sentence=words))
     renamed = bool(without or given.get("order"))
     return _Recording(detections, opened.detections, tuple(opened.rig), renamed)
 
