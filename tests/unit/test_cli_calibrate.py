@@ -19,6 +19,7 @@ from skelsplat.io import read_calibration, sample, write_calibration
 from skelsplat.io.detections import camera_labels
 from skelsplat.io.detections._record import Record, Video, write_record
 from skelsplat.run import folder
+from skelsplat.run.calibrate_findings import of_calibration
 
 SIZE = "x".join(map(str, RIG[0].size))
 LAYOUT = ["--layout", "h36m17"]
@@ -136,6 +137,19 @@ def test_a_camera_that_skipped_frames_is_named_with_the_frame(room, tmp_path, cl
     else:  # it is left out, and why is said once
         assert [*found] == ["clock_changes"]
         assert [one["status"] for one in document["cameras"]].count("left_out") == 1
+
+
+@pytest.mark.parametrize("explained", [0.95, 0.7, np.nan])
+@pytest.mark.parametrize("layout", ["coco17", "mediapipe33"])
+def test_a_detector_of_one_person_may_follow_another_in_each_camera(explained, layout):
+    report = []
+    for name, share in zip(RIG.names, (0.95, 0.96, 0.95, explained), strict=True):
+        status = "placed" if share > 0 else "left_out"
+        report.append(sk.CalibratedCamera(name, status, 0.0, 0.1, np.nan, np.nan, 2.0, share, 1.0, np.eye(3)))
+    found = sk.RigCalibration(RIG, tuple(report), 0.05, 1.0)
+    told = of_calibration(found, [], True, False, [], sk.layouts.get(layout))
+    expected = explained != 0.95 and layout == "mediapipe33"
+    assert ("detector_of_one_person" in [one.kind for one in told]) == expected
 
 
 def test_focal_lengths_and_sizes_from_what_the_folder_knows(room, tmp_path):

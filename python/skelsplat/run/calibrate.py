@@ -227,9 +227,9 @@ def calibrate_cameras(
         seen = [_Seen.of(recording, person) for recording in recordings]
         asked = {"stature": stature, "distance": distance, "same_focal": same_focal}
         result, offsets, told = _calibrated(seen, clock, asked, progress)
-    times = _times(seen)
+    times, layout = _times(seen), first.detections.skeleton
     if not math.isfinite(result.scale_sigma):
-        expected = f"that of two cameras, as {first.detections.skeleton.name} lacks people's proportions"
+        expected = f"that of two cameras, as {layout.name} lacks people's proportions"
         raise InvalidInputError(f"distance: expected {expected}, got none")
     # places of lenses are ignored
     kept = [one for k, one in enumerate(warnings) if one.kind != "unit_wrong" and one not in warnings[:k]]
@@ -238,8 +238,8 @@ def calibrate_cameras(
         focal=not isinstance(first.lenses[0], sk.Camera),
         scale="distance" if distance is not None else "adults" if stature is None else "stature",
         recordings=tuple(map(partial(_recorded, result, times), seen, offsets)),
-        findings=(*kept, *told, *of_calibration(result, times, clock, same_focal, told)),
-        layout=first.detections.skeleton,
+        findings=(*kept, *told, *of_calibration(result, times, clock, same_focal, told, layout)),
+        layout=layout,
         frames=seen[0].frames if len(seen) == 1 else seen[0].step * np.arange(len(result.people[0])),
         fps=first.detections.frame_rate,
         paces=first.detections.paces,

@@ -16,6 +16,7 @@ from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.rig_check import ReadAs
 from skelsplat.run.adjusted import findings_of, late, offset_of
 from skelsplat.run.by_everybody import Scene
+from skelsplat.run.findings import find_detector
 
 # A camera disagrees if less than this share of what the others explain is explained of it; below the second,
 # its clock may change.
@@ -93,6 +94,7 @@ def of_calibration(
     clock: bool,
     same_focal: bool,
     told: Sequence[Finding],
+    layout: sk.Layout,
 ) -> Iterator[Finding]:
     """Yield which cameras were left out, moved or out of step, and whether the recording tells no places.
 
@@ -101,7 +103,10 @@ def of_calibration(
     """
     skipped = [name for one in told if one.kind == "clock_changes" for name in one.subject.cameras]
     every = [*of_moved(found, times), *_of_cameras(found, clock)]
-    yield from (one for one in every if not {*one.subject.cameras} & {*skipped})
+    every = [one for one in every if not {*one.subject.cameras} & {*skipped}]
+    if any(one.kind in ("camera_left_out", "camera_disagrees") for one in every):
+        yield from find_detector(layout)
+    yield from every
     if not found.sure:
         yield _unsure(found, clock, same_focal, skipped)
 
