@@ -305,9 +305,11 @@ def _calibrated(
         alone = one.alone(clock, {**asked, "progress": part}) if several else None
         parts.append(one.people if alone is None else _in_step(one.people, alone))
         offsets.append(own.offsets if alone is None else _offsets(one.in_files(alone), own))
-        told += () if alone is None else of_clocks(one.in_files(alone), str(one.recording.path))
+        if alone is not None:
+            told += of_clocks(one.in_files(alone), str(one.recording.path))
     together = one_after_another([padded(part, max(one.shape[2] for one in parts)) for part in parts])
-    asked = {**asked, "progress": part_of(progress, len(seen) * several, len(seen) + several)}
+    done = len(seen) if several else 0
+    asked = {**asked, "progress": part_of(progress, done, done + 1)}
     found = seen[0].calibrated(together, clock=clock and not several, **asked)
     for one, people in zip(seen, parts, strict=True):
         told += one.skipped(found, people, several)

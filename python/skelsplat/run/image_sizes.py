@@ -56,7 +56,7 @@ def in_calibrated_pixels(found: Opened, sizes: Mapping[str, Size], cropped: Coll
                 factors[name] = factor
     for (size, whole, is_crop), names in differing.items():
         numbers: dict[str, Any] = {"size": list(size), "size_of_camera": list(whole), "cropped": is_crop}
-        own, crop = "its" if len(names) == 1 else "their", "a crop of at most " * is_crop
+        own, crop = "its" if len(names) == 1 else "their", "a crop of at most " if is_crop else ""
         images = f"Detections of {listed(names)} come from images of {size[0]}×{size[1]} px, but {own} "
         images += f"calibration is for {crop}{whole[0]}×{whole[1]}"
         if names[0] in factors:
