@@ -3,6 +3,7 @@
     python benchmarks/calibrate.py [--views 4] [--cases known --cases "known, useless"] [--takes 20]
     python benchmarks/calibrate.py --real FOLDER [--subjects S1]      Human3.6M, of tools/h36m_hourglass.py
     python benchmarks/calibrate.py --cases known --peers OpenCV --peers Aniposelib      others, known lenses
+    python benchmarks/calibrate.py --frames 500 --frames 4000      memory, four views, known lenses
 
 Simulated: ten seconds (with clocks: twenty, started up to ten apart) at 30 Hz of CMU takes of one subject,
 each begun where the one before ended (without the data: the package's synthetic motions), and detections with
@@ -22,7 +23,8 @@ error bars though not refused; useless, left out: this camera, and another. Per 
 cameras. Others are medians: of the worst camera, its error bar, scale and up, and seconds of one core. The
 similarity takes up the distance of two cameras, so that their mm say little.
 
-Real: 20 s at 25 Hz. given, found: mm, joints of arms and legs over time, every take aligned by a similarity.
+Real: 20 s at 25 Hz. given, found: mm, joints of arms and legs over time, every take aligned by a similarity;
+stature: the scale if the height of the subject's head while walking is given, in place of adults' stature.
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -52,6 +54,7 @@ from skelsplat import synthetic
 from skelsplat._clocks import shifted
 from skelsplat._start import from_line, rays_of, relative
 from skelsplat._who import one_after_another
+from skelsplat._world import ADULT
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.exceptions import DegenerateGeometryError
 
@@ -70,7 +73,7 @@ CASES = (
     *("focal", "same", *(f"focal, {what}" for what in ("wide", "phones", "occluded 2", "clocks", "useless"))),
 )
 # Real takes: frames of 50 Hz, joints that have a truth, and frames by which cameras are late.
-REAL_FRAMES, REAL_JOINTS = slice(0, 1000, 2), [*range(8), *range(10, 16)]
+REAL_FRAMES, REAL_JOINTS, HEAD = slice(0, 1000, 2), [*range(8), *range(10, 16)], 10
 REAL_CLOCKS = np.array([0.0, 37.0, -58.0, 121.0])
 _JOINTS = (
     *("right_ankle", "right_knee", "right_hip", "left_hip", "left_knee", "left_ankle", "pelvis", "neck"),
@@ -98,6 +101,7 @@ class Recording:
     layout: sk.Layout | str = "h36m17"
     fps: float = FPS
     oracle: FloatArray | None = None  # detections of several people one after another
+    stature: float = np.nan  # mm
 
     @property
     def moves(self) -> bool:
@@ -132,9 +136,8 @@ def simulated(views: int, seed: int, case: str) -> Recording:
             np.tan(np.radians(rng.uniform(*WIDE_DEG)) / 2) if "wide" in case else 18 / rng.uniform(*PHONES_MM)
             for _ in cameras
         ]
-        focal = [c.size[0] / 2 / half for c, half in zip(cameras, halves, strict=True)]
-        zooms = [f / c.K[0, 0] for c, f in zip(cameras, focal, strict=True)]
-        lenses = [np.array([[zoom, 1, 1], [1, zoom, 1], [1, 1, 1]]) for zoom in zooms]
+        zooms = [c.size[0] / 2 / half / c.K[0, 0] for c, half in zip(cameras, halves, strict=True)]
+        lenses = [[[zoom, 1, 1], [1, zoom, 1], [1, 1, 1]] for zoom in zooms]
         cameras = [altered(c, K=c.K * lens) for c, lens in zip(cameras, lenses, strict=True)]
     condition = next((one for one in case.split(", ") if one.startswith("occluded")), "good")
     rates = [RATES[i % len(RATES)] if "rates" in case else FPS for i in range(views)]
@@ -174,15 +177,8 @@ def crowded(views: int, seed: int, case: str) -> Recording:
     if "clocks" in case:
         late[1:] = np.random.default_rng(seed).integers(-SPREAD_S * FPS, SPREAD_S * FPS, views - 1)
     extra, frames = (round(SPREAD_S * FPS), 2 * FRAMES) if late.any() else (0, FRAMES)
-    scene = synthetic.simulate_scene(
-        int(case.partition(" people")[0][-1]),
-        rig,
-        n_frames=frames + 2 * extra,
-        fps=FPS,
-        meetings=MEETINGS,
-        bystander="bystander" in case,
-        seed=seed,
-    )
+    given = {"n_frames": frames + 2 * extra, "meetings": MEETINGS, "bystander": "bystander" in case}
+    scene = synthetic.simulate_scene(int(case.partition(" people")[0][-1]), rig, fps=FPS, seed=seed, **given)
 
     def shown(values: FloatArray) -> FloatArray:
         begin = extra - late.astype(int)
@@ -207,7 +203,15 @@ def filmed(path: Path, case: str) -> Recording:
         truth = z["gt3d"][REAL_FRAMES, 0][:, [match[k] for k in REAL_JOINTS]].astype(float)
     late = REAL_CLOCKS if "clocks" in case else np.zeros(len(true))
     views = [shifted(detections[:, i], -late[i]) for i in range(len(true))]
-    return Recording(np.stack(views, axis=1), true, late, truth, layout=BODY, fps=25.0)
+    tall = stature(path.parent, path.stem.split("_")[0])
+    return Recording(np.stack(views, axis=1), true, late, truth, layout=BODY, fps=25.0, stature=tall)
+
+
+@cache
+def stature(folder: Path, subject: str) -> float:
+    """Return the height of a subject's head while walking, mm."""
+    heads = [np.load(path)["gt3d"][:, 0, HEAD, 2] for path in folder.glob(f"{subject}_Walking*.npz")]
+    return max((float(np.nanpercentile(one, 95)) for one in heads), default=np.nan)
 
 
 def similarity(a: FloatArray, b: FloatArray, turns: FloatArray | float = 0.0) -> tuple[FloatArray, float]:
@@ -247,9 +251,8 @@ def by_opencv(one: Recording) -> list[sk.Camera]:
         own = rays[:, i].reshape(-1, 2)
         known = np.isfinite(points).all(axis=1) & np.isfinite(own).all(axis=1)
         size = max(camera.size) / camera.K[0, 0]
-        _, turn, t, _ = cv2.solvePnPRansac(
-            points[known], own[known], np.eye(3), None, reprojectionError=0.02 * size
-        )
+        given = (points[known], own[known], np.eye(3), None)
+        _, turn, t, _ = cv2.solvePnPRansac(*given, reprojectionError=0.02 * size)
         placed.append(altered(camera, R=cv2.Rodrigues(turn)[0], t=t.ravel()))
     return placed
 
@@ -309,18 +312,19 @@ def judged(one: Recording, found: sk.RigCalibration) -> dict[str, Any]:
         seen = sk.project(truth, [one.true[i] for i in own])
         placed = sk.triangulate(np.moveaxis(seen, 0, 1), list(own.values()))
         left, size = aligned(placed, truth)
-        row |= {
-            "joints mm": float(np.sqrt(np.nanmean(left**2))),
-            "± joints": size * found.cameras.joint_sigma,
-        }
-    return row | {"scale %": 100 * off, "tilt": tilt}
+        off_mm, sigma_mm = float(np.sqrt(np.nanmean(left**2))), size * found.cameras.joint_sigma
+        row |= {"joints mm": off_mm, "± joints": sigma_mm}
+    row |= {"scale %": 100 * off, "± scale": 100 * found.scale_sigma, "tilt": tilt}
+    if np.isfinite(one.stature):
+        sigma = np.sqrt(found.scale_sigma**2 - (ADULT[1] / ADULT[0]) ** 2)
+        row |= {"stature %": 100 * abs(one.stature / ADULT[0] / scale - 1), "± stature": 100 * sigma}
+    return row
 
 
 def limbs(one: Recording, detections: FloatArray, cameras: sk.CameraRig, late: float = 0.0) -> float:
     """Return the mean error of the joints of the limbs, mm, of a take aligned as a whole."""
     pose = sk.refine_sequence(detections, cameras, fps=one.fps, layout=one.layout, config=ONE_THREAD).pose
-    truth = shifted(one.truth, -late)
-    left, _ = aligned(pose, truth)
+    left, _ = aligned(pose, shifted(one.truth, -late))
     return float(np.nanmean(np.linalg.norm(left, axis=-1)[:, LIMBS]))
 
 
@@ -371,9 +375,8 @@ def table(
     found: dict[str, list[dict[str, Any]]] = {}
     for case, take in product(cases, takes):
         one = recorded(take, case)
-        found.setdefault(f"{case}: {'moves' if one.moves else 'other'}", []).append(
-            measured(one, case, peers)
-        )
+        name = f"{case}: {'moves' if one.moves else 'other'}"
+        found.setdefault(name, []).append(measured(one, case, peers))
     rows: dict[str, dict[str, str | float]] = {}
     for name, every in found.items():
         rows[name] = {"takes": str(len(every))}
@@ -387,6 +390,14 @@ def table(
     return Table.of(title, "case", rows)
 
 
+def spent(frames: int) -> dict[str, float]:
+    """Return the largest resident set, MB, of this process when it has calibrated by so many frames."""
+    one = simulated(4, 0, "known")
+    seen, begun = np.resize(one.detections, (frames, *one.detections.shape[1:])), time.process_time()
+    sk.calibrate_cameras(seen, one.true, layout=one.layout, config=ONE_THREAD)
+    return {"peak MB": lab.peak_mib(), "CPU s": time.process_time() - begun}
+
+
 def calibrate(
     *,
     views: tuple[int, ...] = (2, 3, 4, 8),
@@ -396,9 +407,14 @@ def calibrate(
     real: Path | None = None,
     subjects: tuple[str, ...] = ("S1", "S5", "S6", "S7", "S8"),
     peers: tuple[str, ...] = (),
+    frames: tuple[int, ...] = (),
 ) -> Iterator[Table]:
-    """Measure simulated recordings, or the real ones of a folder."""
+    """Measure simulated recordings, or the real ones of a folder, or what so many frames cost."""
     warnings.simplefilter("ignore")
+    if frames:
+        rows = {f"{count:,}": lab.alone(spent, count) for count in frames}
+        yield Table.of("4 views, known lenses", "frames", rows)
+        return
     if real is not None:
         paths = sorted(path for path in real.glob("*.npz") if path.stem.split("_")[0] in subjects)
         title = f"{len(paths)} real takes, Human3.6M, {', '.join(subjects)}"

@@ -81,14 +81,10 @@ def compare(*, poses: int = 300, noise: str = "good", seed: int = 0, repeat: int
     cv2.setNumThreads(1)  # it ignores the variables used by NumPy
     scene = simulated(poses, noise=_NOISES.get(noise, noise), seed=seed)
     found = {name: measured(method, scene, repeat) for name, method in methods(scene).items()}
-    rows = {
-        name: {
-            "ms/pose": f"{ms:.2g}",
-            "× default": f"{ms / found[_DEFAULT][1]:.3g}",
-            "mean mm": scene.mpjpe(pose),
-        }
-        for name, (pose, ms) in found.items()
-    }
+    rows = {}
+    for name, (pose, ms) in found.items():
+        times = {"ms/pose": f"{ms:.2g}", "× default": f"{ms / found[_DEFAULT][1]:.3g}"}
+        rows[name] = {**times, "mean mm": scene.mpjpe(pose)}
     title = f"{len(scene.truth)} poses, 17 joints, simulated detections '{noise}', one core"
     notes = missing({name: pose for name, (pose, _) in found.items()}, scene, noise)
     return Table.of(title, "method", rows, notes)

@@ -16,7 +16,9 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
@@ -92,6 +94,12 @@ def peak_mib() -> float:
     """Return this process's peak resident size in MiB (Linux); `resource` begins with that of the parent."""
     status = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
     return next(int(line.split()[1]) for line in status if line.startswith("VmHWM")) / 1024
+
+
+def alone(call: Callable[..., Any], *given: object) -> Any:
+    """Return what a call gives in a process of its own."""
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        return pool.submit(call, *given).result()
 
 
 def circumstances() -> str:

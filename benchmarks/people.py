@@ -80,6 +80,8 @@ def people(
     seed: int = 0,
 ) -> Iterator[Table]:
     """Simulate scenes, and compare methods."""
+    given = {"bystander": bystander, "crowding": CROWDING[crowding]}
+    given |= {"n_frames": round(seconds * FPS), "fps": FPS}
     for n_people, n_views, meeting in product(people, views, meetings):
         kinds = [meeting]
         if meeting in ("all", "cmu"):
@@ -87,16 +89,7 @@ def people(
         made = []
         for k in range(seed, seed + scenes):
             moving = captured(n_people, np.random.default_rng([seed, k])) if meeting == "cmu" else n_people
-            scene = synthetic.simulate_scene(
-                moving,
-                mixed_heights(n_views),
-                n_frames=round(seconds * FPS),
-                fps=FPS,
-                meetings=kinds,
-                bystander=bystander,
-                crowding=CROWDING[crowding],
-                seed=k,
-            )
+            scene = synthetic.simulate_scene(moving, mixed_heights(n_views), meetings=kinds, seed=k, **given)
             made.append(take(scene, str(k)))
         source = f"{n_people} people, {n_views} views, {meeting}, simulated"
         data = Dataset("people", scene.layout, (), "simulated", source, scenes=tuple(made))

@@ -108,20 +108,14 @@ def memory() -> Table:
     """Largest resident set of a process by frames: all at once, and in chunks."""
     rows = {}
     for frames in (10_000, 160_000, 1_000_000):
-        whole = child_mib("whole", frames) if frames < 1_000_000 else None
-        in_chunks = child_mib("chunks", frames)
+        whole = lab.alone(mib, "whole", frames) if frames < 1_000_000 else None
+        in_chunks = lab.alone(mib, "chunks", frames)
         rows[f"{frames:,}"] = {"`refine_sequence`, MB": whole, "`refine_batches`, chunks of 4000": in_chunks}
     return Table.of("memory", "frames", rows, digits=0)
 
 
-def child_mib(way: str, frames: int) -> float:
-    """Return the largest resident set of a process that refines so many frames, MiB."""
-    command = [sys.executable, __file__, "child", way, str(frames)]
-    return float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-
-
-def child(way: str, frames: int) -> None:
-    """Refine frames, and print the largest resident set in MiB, with the paper's settings its increase."""
+def mib(way: str, frames: int = 1) -> float:
+    """Return the largest resident set when frames are refined, MiB; by the paper's settings its increase."""
     before = 0.0
     if way == "paper":
         by_paper(max_steps=0)()
@@ -136,7 +130,7 @@ def child(way: str, frames: int) -> None:
         else:
             chunks = partial(itertools.repeat, chunk, frames // PIECE)
             collections.deque(sk.refine_batches(chunks, rig, **given), maxlen=0)
-    print(lab.peak_mib() - before)
+    return lab.peak_mib() - before
 
 
 def refine(*, frames: int = 100_000) -> Table:
@@ -153,10 +147,8 @@ def refine(*, frames: int = 100_000) -> Table:
         command = [sys.executable, "-m", "skelsplat", *words.split()]
         subprocess.run(command, cwd=top, check=True)
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    row = {
-        "peak MB": used.ru_maxrss / 1024,
-        "CPU µs per frame": 1e6 * (used.ru_utime + used.ru_stime) / frames,
-    }
+    seconds = used.ru_utime + used.ru_stime
+    row = {"peak MB": used.ru_maxrss / 1024, "CPU µs per frame": 1e6 * seconds / frames}
     return Table.of("skelsplat refine", "frames", {f"{frames:,}": row}, digits=0)
 
 
@@ -179,7 +171,7 @@ def paper() -> Table:
     the increase of the peak resident size, measured in a fresh process.
     """
     times = [lab.seconds(by_paper()) for _ in range(1 + CALLS)][1:]
-    row = {"ms": 1e3 * statistics.median(times), "peak memory, MiB": child_mib("paper", 1)}
+    row = {"ms": 1e3 * statistics.median(times), "peak memory, MiB": lab.alone(mib, "paper")}
     return Table.of("RefineConfig.paper(), 17 joints, 4 views", "", {"one pose": row})
 
 
@@ -214,12 +206,8 @@ def people(*, frames: int = 600) -> Table:
         solved = cpu_ms(lambda own=own, solve=solve: [solve(seen) for seen in own]) / frames
         tracker = sk.Tracker(here.cameras, **given)
         live = [cpu_ms(partial(tracker.step, frame)) for frame in here.people]
-        rows[f"{people}, {views}"] = {
-            "association ms": whole - solved,
-            "track ms": whole,
-            "step ms": float(np.mean(live)),
-            "99 % ms": float(np.quantile(live, 0.99)),
-        }
+        step = {"step ms": float(np.mean(live)), "99 % ms": float(np.quantile(live, 0.99))}
+        rows[f"{people}, {views}"] = {"association ms": whole - solved, "track ms": whole, **step}
     return Table.of("several people, simulated, one thread", "people, views", rows, digits=2)
 
 
@@ -247,7 +235,4 @@ def live(*, poses: int = 5000) -> Table:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["child"]:
-        child(sys.argv[2], int(sys.argv[3]))
-    else:
-        lab.main(__doc__, ways, growth, memory, refine, paper, people, live)
+    lab.main(__doc__, ways, growth, memory, refine, paper, people, live)

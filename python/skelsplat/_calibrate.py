@@ -34,6 +34,9 @@ _OUTSIDE = 0.1
 # from images smaller than stated is nearer to the corner than this: in real recordings, 0.46 along one axis.
 _LEAST_FOCAL = 0.1
 _UPPER_LEFT = 0.4
+# Principal points may be this part of the image from its middle, in the mean of all cameras: if all are
+# off alike, as by a crop, a rig turned by 1° explains as much for each 5 %.
+_OFF_MIDDLE = 0.05
 # A view is a copy of another if this part of its joints is where the other's are.
 _COPIED = 0.5
 # Statures, metres.
@@ -266,7 +269,7 @@ def _recording(detections: ArrayLike, views: int, layout: Layout) -> Array:
 
 
 def _check_images(seen: Array, cameras: Sequence[Camera]) -> None:
-    """Refuse lenses that no camera has, and sizes that the detections contradict; warn of doubtful sizes."""
+    """Refuse lenses that no camera has, and sizes that detections contradict; warn of doubtful ones."""
     middles = []
     for i, camera in enumerate(cameras):
         focal = float(camera.K[0, 0])
@@ -288,6 +291,12 @@ def _check_images(seen: Array, cameras: Sequence[Camera]) -> None:
         )
         sentence += "their height. Are they from images of this size?"
         warn(Finding("image_sizes_differ", numbers={"x": x, "y": y}, sentence=sentence))
+    points = np.mean([(np.asarray(one.K)[:2, 2] + 0.5) / one.size for one in cameras], axis=0)
+    if np.abs(points - 0.5).max() > _OFF_MIDDLE:
+        x, y = points.tolist()
+        sentence = f"The principal points of all cameras are at {percent(x)} of the images' width and "
+        sentence += f"{percent(y)} of their height. If that is wrong, so are places, beyond their error bars."
+        warn(Finding("calibration_unusual", numbers={"x": x, "y": y}, sentence=sentence))
 
 
 def _blank(intrinsics: Sequence[Intrinsics | Camera]) -> tuple[list[Camera], bool]:

@@ -114,9 +114,10 @@ class Task:
             start = first_guess(together, self.lenses, self.layout, self.most_lag, self.compared())
         if start is None:
             expected, got = f"at least {LEAST_JOINTS} joints that two views see in the same frames", "fewer"
+            film = "film one person who walks about"
             if several:
                 expected, got = "people whom two views see at the same time", "none that can be told apart"
-            film = f"film one person who walks about{', or choose a person' * several}"
+                film += ", or choose a person"
             raise DegenerateGeometryError(f"detections: expected {expected}, got {got}: {film}")
         return start
 

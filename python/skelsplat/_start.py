@@ -127,6 +127,21 @@ def rays_of(detections: Array, cameras: Sequence[Camera]) -> Array:
     return out
 
 
+def placed_by(points: Array, rays: Array, camera: Camera) -> tuple[Camera, int] | None:
+    """Return a camera placed by points (…, 3) on its rays (…, 2), and how many agree; None if too few do."""
+    flat, rays = points.reshape(-1, 3), rays.reshape(-1, 2)
+    both = np.isfinite(rays).all(axis=1) & np.isfinite(flat).all(axis=1)
+    if both.sum() < LEAST_JOINTS:
+        return None
+    cv2, farthest = opencv(_PURPOSE), _FROM_PLACE * _reach(camera)
+    options = {"reprojectionError": farthest, "iterationsCount": 300, "flags": cv2.SOLVEPNP_SQPNP}
+    cv2.setRNGSeed(0)
+    ok, turn, t, agreed = cv2.solvePnPRansac(flat[both], rays[both], np.eye(3), None, **options)
+    if not ok or len(agreed) < max(LEAST_JOINTS // 2, _AGREED * both.sum()):
+        return None
+    return altered(camera, R=cv2.Rodrigues(turn)[0], t=t.ravel()), len(agreed)
+
+
 def _shared(a: Array, b: Array, lag: int) -> tuple[Array, Array]:
     """Return the joints that both views see at the same time, (K, 2) each."""
     steps = len(a)
@@ -266,22 +281,9 @@ class _Recording:
         best = max(known, key=lambda pair: (not pair.tied, pair.support))
         a, b = best.views
         clock = start.clocks[a] + best.lag if b == view else start.clocks[b] - best.lag
-        rays = self.at(self.rays, view, frames, Start({}, {view: clock})).reshape(-1, 2)
-        flat = points.reshape(-1, 3)
-        both = np.isfinite(rays).all(axis=1) & np.isfinite(flat).all(axis=1)
-        if both.sum() < LEAST_JOINTS:
-            return None
-        cv2 = opencv(_PURPOSE)
-        options = {
-            "reprojectionError": _FROM_PLACE * _reach(self.cameras[view]),
-            "iterationsCount": 300,
-            "flags": cv2.SOLVEPNP_SQPNP,
-        }
-        cv2.setRNGSeed(0)
-        ok, turn, t, agreed = cv2.solvePnPRansac(flat[both], rays[both], np.eye(3), None, **options)
-        if not ok or len(agreed) < max(LEAST_JOINTS // 2, _AGREED * both.sum()):
-            return None
-        return self.placed(view, cv2.Rodrigues(turn)[0], t.ravel()), clock, len(agreed)
+        rays = self.at(self.rays, view, frames, Start({}, {view: clock}))
+        found = placed_by(points, rays, self.cameras[view])
+        return found and (found[0], clock, found[1])
 
     def is_out_of_step(self, start: Start, pairs: Sequence[Pair]) -> bool:
         """Tell whether some placed camera shows the same motion clearly earlier or later."""

@@ -193,6 +193,7 @@ def test_error_bars_hold_what_a_lens_that_may_be_wrong_would_change(zooms: tuple
     assert max(places) > 3 * max(one.place_sigma for one in known().report)
 
 
+@pytest.mark.filterwarnings("ignore:The principal points of all cameras are at 40%")
 def test_lenses_of_other_images_are_doubted() -> None:
     def zoomed(*zooms: float) -> list[sk.Camera]:
         each = zip(RIG, zooms, strict=True)
@@ -214,6 +215,12 @@ def test_images_larger_than_those_of_the_detections_are_warned_of() -> None:
     larger = [sk.Intrinsics((2 * one.size[0], 2 * one.size[1])) for one in RIG]
     with pytest.warns(FindingWarning, match="from images of this size"):
         sk.calibrate_cameras(walk(), larger, layout=LAYOUT)
+
+
+def test_principal_points_that_are_off_alike_are_warned_of() -> None:
+    aside = np.array([[0.0, 0.0, 0.1 * RIG[0].size[0]], [0.0] * 3, [0.0] * 3])
+    with pytest.warns(FindingWarning, match="principal points of all cameras are at 60% of"):
+        sk.calibrate_cameras(walk(), [altered(one, K=one.K + aside) for one in RIG], layout=LAYOUT)
 
 
 def test_two_cameras_in_one_place_are_doubted() -> None:

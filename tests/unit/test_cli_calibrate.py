@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,10 +15,11 @@ from command_line import assert_fails, invoke, read_report, succeed
 from overlay_case import write_video
 from report_page import data_of, numbers
 from rig_room import LATE, RIG, write_room
-from skelsplat.io import read_calibration, sample
+from skelsplat.io import read_calibration, sample, write_calibration
 from skelsplat.io.detections import camera_labels
 from skelsplat.io.detections._record import Record, Video, write_record
 from skelsplat.run import folder
+from skelsplat.run.calibrate_findings import of_calibration
 
 SIZE = "x".join(map(str, RIG[0].size))
 LAYOUT = ["--layout", "h36m17"]
@@ -110,13 +112,44 @@ def test_a_useless_camera_is_left_out(room, tmp_path):
     assert error_after(command, tmp_path / "out") < 4
 
 
-def test_a_camera_that_agrees_only_at_times_is_named(room, tmp_path):
-    options = [*LAYOUT, "--intrinsics", room / "lenses.toml", "--json"]
+@pytest.mark.parametrize("sigma", [0.0, 3.0])
+def test_a_camera_that_agrees_only_at_times_is_named(room, tmp_path, sigma):
+    write_calibration(tmp_path / "lenses.toml", replace(RIG, joint_sigma=sigma))
+    options = [*LAYOUT, "--intrinsics", tmp_path / "lenses.toml", "--json"]
     config = tmp_path / "config.toml"
     config.write_text(f"detections = ['{room / 'mixed'}']\n")
     result = succeed("calibrate", "--config", config, "-o", tmp_path / "mixed.toml", *options)
-    found = [one for one in json.loads(result.stdout)["findings"] if one["kind"] == "camera_disagrees"]
-    assert [one["subject"]["cameras"] for one in found] == [["cam4"]]
+    found = {one["kind"]: one["subject"] for one in json.loads(result.stdout)["findings"]}
+    assert found["camera_disagrees"]["cameras"] == ["cam4"]
+    assert ("cameras_estimated" in found) == bool(sigma)  # lenses may be no better than those cameras
+
+
+@pytest.mark.parametrize("clock", [[], ["--clock", "--fps", 25]])
+def test_a_camera_that_skipped_frames_is_named_with_the_frame(room, tmp_path, clock):
+    given = ["-o", tmp_path / "a.toml", *LAYOUT, "--intrinsics", room / "lenses.toml", "--json"]
+    document = json.loads(invoke("calibrate", room / "skipped", *given, *clock).stdout)
+    found = {one["kind"]: one for one in document["findings"] if "cam2" in one["subject"]["cameras"]}
+    subject = found["clock_changes"]["subject"]
+    assert (subject["cameras"], abs(subject["frames"][0] - 60) <= 3) == (["cam2"], True)
+    if clock:
+        assert [*found] == ["clock_changes", "cameras_not_calibrated"]
+        assert found["cameras_not_calibrated"]["remedy"] == [{"setting": "without", "value": "cam2"}]
+    else:  # it is left out, and why is said once
+        assert [*found] == ["clock_changes"]
+        assert [one["status"] for one in document["cameras"]].count("left_out") == 1
+
+
+@pytest.mark.parametrize("explained", [0.95, 0.7, np.nan])
+@pytest.mark.parametrize("layout", ["coco17", "mediapipe33"])
+def test_a_detector_of_one_person_may_follow_another_in_each_camera(explained, layout):
+    report = []
+    for name, share in zip(RIG.names, (0.95, 0.96, 0.95, explained), strict=True):
+        status = "placed" if share > 0 else "left_out"
+        report.append(sk.CalibratedCamera(name, status, 0.0, 0.1, np.nan, np.nan, 2.0, share, 1.0, np.eye(3)))
+    found = sk.RigCalibration(RIG, tuple(report), 0.05, 1.0)
+    told = of_calibration(found, [], True, False, [], sk.layouts.get(layout))
+    expected = explained != 0.95 and layout == "mediapipe33"
+    assert ("detector_of_one_person" in [one.kind for one in told]) == expected
 
 
 def test_focal_lengths_and_sizes_from_what_the_folder_knows(room, tmp_path):

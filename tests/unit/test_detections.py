@@ -166,6 +166,17 @@ def test_joints_of_a_wide_csv_without_the_confidence_that_others_have_are_named(
     np.testing.assert_array_equal(found.people[0, 0, 0, 2:5, 2], [0.5, 1.0, 0.5])
 
 
+@pytest.mark.parametrize(("first", "kinds"), [("Timestamp", ["times_unused"]), ("frame,time", [])])
+def test_times_of_a_wide_csv_are_said_to_number_no_frames(tmp_path, first, kinds):
+    values = ",".join("7" for _ in first.split(","))
+    (tmp_path / "cam1.csv").write_text(f"{first},a_x,a_y\n{values},400,300\n")
+    layout = sk.layouts.from_names("one", ["a"], [])
+    with collected_warnings() as told:
+        found = read_detections(tmp_path, ["cam1"], layout=layout)
+    assert [one.kind for one in told] == kinds
+    assert found.frames.tolist() == ([0] if kinds else [7])
+
+
 def test_a_wide_csv_of_pixels_with_many_zeros_is_none_of_parts(tmp_path):
     (tmp_path / "cam1.csv").write_text("a_x,a_y,b_x,b_y\n" + "0,0,0,0\n" * 30 + "400,300,0,0\n")
     camera = sk.Camera(K=np.diag([9e2, 9e2, 1]), R=np.eye(3), t=[0, 0, 5], size=(1920, 1080), name="cam1")

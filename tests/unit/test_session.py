@@ -9,9 +9,11 @@ import pytest
 
 import calibration_files as files
 from command_line import assert_fails, invoke, succeed
+from overlay_case import write_video
 from rig_case import turned
 from skelsplat import synthetic
 from skelsplat.io import read_calibration, write_calibration
+from skelsplat.io.detections._record import Record, Video, write_record
 from skelsplat.run import Job, run_batch
 from skelsplat.run.calibrate import calibrate_cameras
 from skelsplat.run.cameras import adjust_cameras
@@ -66,6 +68,36 @@ def test_recordings_have_the_same_cameras_and_joints(room, tmp_path):
     assert_fails(result, 1, "three: cameras: expected those of", "first, cam1, cam2, cam3, cam4")
     result = invoke("calibrate", room / "first", room / "first", *given)
     assert_fails(result, 1, "detections: expected every recording once")
+
+
+def test_copies_in_another_size_are_resized_and_other_images_refused(tmp_path):
+    noise = synthetic.DetectionNoise.good()
+    seen = synthetic.simulate_detections(synthetic.motion("walk", 80), RIG, noise=noise, seed=3)[..., :2]
+    half = seen.copy()
+    half[:, 1] = (seen[:, 1] + 0.5) / 2 - 0.5
+    whole = {name: camera.size for name, camera in zip(RIG.names, RIG, strict=True)}
+    small = {**whole, "cam2": (500, 500)}
+    paths = {name: tmp_path / name for name in ("first", "again", "half")}
+    for (name, path), sizes in zip(paths.items(), (whole, whole, small), strict=True):
+        files.openpose_folders(path, RIG, half if name == "half" else seen)
+        videos = {name: Video("a.mp4", size, None) for name, size in sizes.items()}
+        write_record(path, Record({"backend": "own"}, "h36m17", videos=videos))
+    equal, resized = (
+        calibrate_cameras([paths["first"], paths[name]], layout="h36m17", same_focal=True)
+        for name in ("again", "half")
+    )
+    for a, b in zip(equal.found.cameras, resized.found.cameras, strict=True):
+        np.testing.assert_allclose(a.K, b.K, rtol=1e-6)
+        np.testing.assert_allclose(a.t, b.t, rtol=1e-5)
+    kinds = [[one.kind for one in found.findings] for found in (equal, resized)]
+    assert kinds == [[], ["image_sizes_differ"]]
+    (paths["half"] / "detect.json").unlink()  # refine does not read videos for sizes, and would not resize
+    given = ["-o", tmp_path / "new.toml", "--layout", "h36m17"]
+    for size in (small["cam2"], (1000, 800)):
+        for name in RIG.names:
+            write_video(paths["half"] / f"{name}.mp4", 1, size if name == "cam2" else whole[name])
+        expected = f"half: image size: expected 1000x1000 for cam2, as in {paths['first']}"
+        assert_fails(invoke("calibrate", paths["first"], paths["half"], *given), 1, expected)
 
 
 @pytest.mark.parametrize("clock", [True, swept(False)])  # some frames are found unasked

@@ -170,7 +170,7 @@ def _print(found: Calibrated, output: Path, report: Path | None, again: list[str
         say(f"{output} was not written.")
         return
     print_text(console, _world(found))
-    refine = f"To refine the recording{'s' * (len(again) > 1)}:"
+    refine = f"To refine the recording{'s' if len(again) > 1 else ''}:"
     say(f"Wrote {len(found.found.cameras)} cameras to {output}, lengths in mm. {refine}")
     say(*(f"  {command}" for command in again))  # on one line each, to be pasted
 

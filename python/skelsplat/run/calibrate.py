@@ -18,14 +18,16 @@ from skelsplat._frozen import frozen, frozen_finding
 from skelsplat._who import GAP, one_after_another
 from skelsplat._words import size_text
 from skelsplat.exceptions import DatasetError, DegenerateGeometryError, InvalidInputError
-from skelsplat.findings import Finding, collected_warnings, warn
+from skelsplat.findings import Finding, Subject, collected_warnings, warn
 from skelsplat.io.detections import Opened as Detections
 from skelsplat.io.detections import camera_called, camera_labels, cameras_called
 from skelsplat.io.video import find_videos, open_source
 from skelsplat.rig_check import ReadAs, unusual_lenses
 from skelsplat.run.adjusted import offset_of
-from skelsplat.run.calibrate_findings import of_calibration, of_clocks, of_moved
+from skelsplat.run.by_everybody import Scene
+from skelsplat.run.calibrate_findings import of_calibration, of_clocks, of_skipped
 from skelsplat.run.cameras import warn_of_place
+from skelsplat.run.image_sizes import in_calibrated_pixels, resizing
 from skelsplat.run.job import IncompleteJobError
 from skelsplat.run.person import are_people, entry_of, pick_places
 from skelsplat.run.read import open_at_rates, open_recording, read_as, read_rig, videos_beside
@@ -173,6 +175,13 @@ class _Seen:
             raise DatasetError(self.recording.path, "clocks", expected, f"doubts ({found.doubts[0]})")
         return found if clock or any(found.clocks.values()) else None
 
+    def skipped(self, found: sk.RigCalibration, people: Array, several: bool) -> Iterator[Finding]:
+        """Name cameras whose frame numbers change in this recording, one of ``several``."""
+        one = self.recording
+        read, name = one.detections, str(one.path) if several else ""
+        scene = Scene(found.cameras, people, self.frames, read.skeleton, read_as(read))
+        yield from of_skipped(found, one.lenses, scene, name)
+
     def in_files(self, found: sk.RigCalibration) -> sk.RigCalibration:
         """Return cameras with clocks in their own frames in the files."""
         return replace(
@@ -218,9 +227,9 @@ def calibrate_cameras(
         seen = [_Seen.of(recording, person) for recording in recordings]
         asked = {"stature": stature, "distance": distance, "same_focal": same_focal}
         result, offsets, told = _calibrated(seen, clock, asked, progress)
-    times = _times(seen)
+    times, layout = _times(seen), first.detections.skeleton
     if not math.isfinite(result.scale_sigma):
-        expected = f"that of two cameras, as {first.detections.skeleton.name} lacks people's proportions"
+        expected = f"that of two cameras, as {layout.name} lacks people's proportions"
         raise InvalidInputError(f"distance: expected {expected}, got none")
     # places of lenses are ignored
     kept = [one for k, one in enumerate(warnings) if one.kind != "unit_wrong" and one not in warnings[:k]]
@@ -229,8 +238,8 @@ def calibrate_cameras(
         focal=not isinstance(first.lenses[0], sk.Camera),
         scale="distance" if distance is not None else "adults" if stature is None else "stature",
         recordings=tuple(map(partial(_recorded, result, times), seen, offsets)),
-        findings=(*kept, *told, *of_moved(result, times), *of_calibration(result, clock, same_focal)),
-        layout=first.detections.skeleton,
+        findings=(*kept, *told, *of_calibration(result, times, clock, same_focal, told, layout)),
+        layout=layout,
         frames=seen[0].frames if len(seen) == 1 else seen[0].step * np.arange(len(result.people[0])),
         fps=first.detections.frame_rate,
         paces=first.detections.paces,
@@ -258,14 +267,29 @@ def _opened(
         recordings = [_with_lenses(path, intrinsics, read, **given) for path in paths]
     else:
         recordings = [_named(path, videos, read.get("size"), **given) for path in paths]
-    a = recordings[0].detections
+    first = recordings[0]
+    a = first.detections
     for path, b in zip(paths, (one.detections for one in recordings), strict=True):
         joints = tuple(a.skeleton.joints), tuple(b.skeleton.joints)
         for what, known, found in (("cameras", a.camera_names, b.camera_names), ("joints", *joints)):
             if known != found:
                 expected = f"those of {paths[0]}, {', '.join(known)}"
                 raise DatasetError(path, what, expected, ", ".join(found))
-    return recordings
+    if intrinsics is not None:  # they are in pixels of its images
+        return recordings
+    return [first, *(_in_pixels_of(first, one) for one in recordings[1:])]
+
+
+def _in_pixels_of(first: _Recording, one: _Recording) -> _Recording:
+    """Return a recording in pixels of the first one's images, of which its own have to be copies."""
+    sizes = dict(zip(first.detections.camera_names, (lens.size for lens in first.lenses), strict=True))
+    for (name, whole), lens in zip(sizes.items(), one.lenses, strict=True):
+        factors = resizing(lens.size, whole)
+        stated = name in one.detections.sizes  # refine resizes as well
+        if factors is None or not (stated or (factors == 1.0).all()):
+            expected = f"{size_text(whole)} for {name}, as in {first.path}"
+            raise DatasetError(one.path, "image size", expected, size_text(lens.size))
+    return replace(one, detections=in_calibrated_pixels(one.detections, sizes), lenses=first.lenses)
 
 
 def _calibrated(
@@ -281,10 +305,15 @@ def _calibrated(
         alone = one.alone(clock, {**asked, "progress": part}) if several else None
         parts.append(one.people if alone is None else _in_step(one.people, alone))
         offsets.append(own.offsets if alone is None else _offsets(one.in_files(alone), own))
-        told += () if alone is None else of_clocks(one.in_files(alone), str(one.recording.path))
+        if alone is not None:
+            told += of_clocks(one.in_files(alone), str(one.recording.path))
     together = one_after_another([padded(part, max(one.shape[2] for one in parts)) for part in parts])
-    asked = {**asked, "progress": part_of(progress, len(seen) * several, len(seen) + several)}
-    found = seen[0].in_files(seen[0].calibrated(together, clock=clock and not several, **asked))
+    done = len(seen) if several else 0
+    asked = {**asked, "progress": part_of(progress, done, done + 1)}
+    found = seen[0].calibrated(together, clock=clock and not several, **asked)
+    for one, people in zip(seen, parts, strict=True):
+        told += one.skipped(found, people, several)
+    found = seen[0].in_files(found)
     each = [_offsets(found, ReadAs(offsets=own)) for own in offsets]
     shared = all(one == each[0] for one in each)
     clocks = {name: -offset for name, offset in each[0].items()} if shared else {}
@@ -343,6 +372,10 @@ def _with_lenses(
     opened = open_recording(intrinsics, detections, read=read, without=without, **given)
     for finding in unusual_lenses(opened.rig):
         warn(finding)
+    if opened.rig.joint_sigma:
+        words = f"The cameras of {intrinsics.name} were found from people. Its lenses count as exact: error "
+        words += "bars lack theirs if they were found as well. Without the file, they are found anew."
+        warn(Finding("cameras_estimated", "note", Subject(files=(str(intrinsics),)), sentence=words))
     renamed = bool(without or given.get("order"))
     return _Recording(detections, opened.detections, tuple(opened.rig), renamed)
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+import skelsplat as sk
 from skelsplat import layouts
 from skelsplat._words import listed, percent
 from skelsplat.findings import Finding, Remedy, Severity, Subject
@@ -159,6 +160,15 @@ def _find_unfit(names: Sequence[str], unfit: Mapping[int, tuple[int, int]]) -> I
     yield Finding("camera_disagrees", "warning", Subject(cameras=cameras), numbers, remedy, sentence=words)
 
 
+def find_detector(layout: sk.Layout) -> Iterator[Finding]:
+    """Yield a finding on a detector of one person, of cameras that contradict each other."""
+    if layout.name == layouts.MEDIAPIPE33.name:
+        words = "MediaPipe detects one person per image. If several are in view, it may follow another one "
+        words += "in each camera, so that cameras look wrong that are not: use a detector of several people, "
+        words += "such as rtmlib."
+        yield Finding("detector_of_one_person", "warning", sentence=words)
+
+
 def _cameras(inputs: Inputs, statistics: Statistics, outcome: Outcome) -> Iterator[Finding]:
     """Yield findings on cameras that are unused, disagree or are displaced, and on views that lie apart."""
     names, shifts, unfit = inputs.rig.names, statistics.shifts, unfit_cameras(inputs)
@@ -170,11 +180,8 @@ def _cameras(inputs: Inputs, statistics: Statistics, outcome: Outcome) -> Iterat
     rest = [i for i in displaced if names[i] not in bad]
     sides = {names[i]: shift_of(names, shifts, i, rest if i == worst[0] else ()) for i in worst}
     apart = [*find_apart(inputs.rig, statistics, {*displaced, *unfit})]
-    if (unfit or apart) and inputs.layout.name == layouts.MEDIAPIPE33.name:
-        words = "MediaPipe detects one person per image. If several are in view, it may follow another one "
-        words += "in each camera, so that cameras look wrong that are not: use a detector of several people, "
-        words += "such as rtmlib."
-        yield Finding("detector_of_one_person", "warning", sentence=words)
+    if unfit or apart:
+        yield from find_detector(inputs.layout)
     yield from _find_unfit(names, unfit)
     adjusted = bool(inputs.source.get("adjust_cameras"))
     followed = inputs.solved is not None

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
-import skelsplat as sk
 from skelsplat._arrays import Array
 from skelsplat._words import listed
 from skelsplat.findings import Finding, Subject, warn
@@ -40,15 +39,15 @@ def resizing(old: Size, new: Size) -> Array | None:
     return np.full(2, float(ratio)) if padding.max() <= _PADDING_PX else None
 
 
-def in_calibrated_pixels(found: Opened, rig: sk.CameraRig, cropped: Collection[str] = ()) -> Opened:
-    """Return detections in pixels of the cameras' images, resized with a warning if files state another size.
+def in_calibrated_pixels(found: Opened, sizes: Mapping[str, Size], cropped: Collection[str] = ()) -> Opened:
+    """Return detections in pixels of images of these sizes, resized with a warning if files state another.
 
-    Of the ``cropped`` cameras, the rig's size is the largest that their images can have.
+    Of the ``cropped`` cameras, the size is the largest that their images can have.
     """
     factors: dict[str, Array] = {}
     differing: dict[tuple[Size, Size, bool], list[str]] = {}
     for name, size in found.sizes.items():
-        whole, is_crop = rig[name].size, name in cropped
+        whole, is_crop = sizes[name], name in cropped
         factor = None if is_crop else resizing(size, whole)
         small = all(np.array(size) <= np.array(whole) + _PADDING_PX)
         if not (small if is_crop else factor is not None and all(factor == 1.0)):
@@ -57,7 +56,7 @@ def in_calibrated_pixels(found: Opened, rig: sk.CameraRig, cropped: Collection[s
                 factors[name] = factor
     for (size, whole, is_crop), names in differing.items():
         numbers: dict[str, Any] = {"size": list(size), "size_of_camera": list(whole), "cropped": is_crop}
-        own, crop = "its" if len(names) == 1 else "their", "a crop of at most " * is_crop
+        own, crop = "its" if len(names) == 1 else "their", "a crop of at most " if is_crop else ""
         images = f"Detections of {listed(names)} come from images of {size[0]}×{size[1]} px, but {own} "
         images += f"calibration is for {crop}{whole[0]}×{whole[1]}"
         if names[0] in factors:

@@ -172,7 +172,8 @@ def open_recording(
     every = replace(every, clocks={})
     rig = leave_out(every, without, unread)
     cropped = {name for one in told if one.kind == "crop_applied" for name in one.subject.cameras}
-    return Opened(every, rig, in_calibrated_pixels(found, every, cropped), unread)
+    sizes = {name: every[name].size for name in every.names}
+    return Opened(every, rig, in_calibrated_pixels(found, sizes, cropped), unread)
 
 
 def _note_clocks(path: Path, rig: sk.CameraRig, given: Collection[str]) -> None:

@@ -26,6 +26,7 @@ from skelsplat.io.detections._format import (
 
 _SURE = ("likelihood", "confidence", "score", "visibility", "conf", "p")
 _FRAMES = ("frame", "frame_number", "frame_idx", "frame_index", "frame_id")
+_TIMES = ("time", "times", "time_s", "timestamp", "timestamps", "timestamp_ms")
 _CALISCOPE, _ANIPOSE = "img_loc", "_ncams"  # of lines of a point each, of poses
 
 
@@ -33,8 +34,8 @@ def read_wide(path: Path) -> View:
     """Read lines with ``NAME_x``, ``NAME_y``, and perhaps one of `_SURE` behind the same name.
 
     A column ``frame`` numbers the lines, which count from 0 without it; any other, as ``NAME_z``, is passed
-    over. Numbers that nearly all lie between 0 and 1.5 are parts of the image's size. Names that count, as
-    ``L0`` to ``L32``, are places.
+    over, times with a note. Numbers that nearly all lie between 0 and 1.5 are parts of the image's size.
+    Names that count, as ``L0`` to ``L32``, are places.
     """
     rows = csv_lines(path)
     header = [name.strip() for name in next(rows, [])]
@@ -44,6 +45,8 @@ def read_wide(path: Path) -> View:
         actual = doubled(header) or ", ".join(header)[:200] or "an empty line"
         raise DatasetError(path, "line 1", expected, actual)
     count = next((name for name in header if name.lower() in _FRAMES), None)
+    if count is None:
+        _note_times(path, header)
     there = {*header}
     _refuse_other_names(path, joints, there)
     _note_unsure(path, joints, there)
@@ -53,22 +56,18 @@ def read_wide(path: Path) -> View:
     for number, row in enumerate(rows, start=2):
         if row:
             cell = dict(zip(header, row, strict=True))
-            frame = (
-                len(frames)
-                if count is None
-                else frame_in(path, f"line {number}, {count}", cell[count].strip())
-            )
+            where = f"line {number}, {count}"
+            frame = len(frames) if count is None else frame_in(path, where, cell[count].strip())
             if frames and frame <= frames[-1]:
-                raise DatasetError(path, f"line {number}, {count}", f"a number above {frames[-1]}", frame)
-            values.append(
-                [number_in(path, f"line {number}, {name}", cell.get(name, "1")) for name in columns]
-            )
+                raise DatasetError(path, where, f"a number above {frames[-1]}", frame)
+            read = (number_in(path, f"line {number}, {name}", cell.get(name, "1")) for name in columns)
+            values.append(list(read))
             frames.append(frame)
     numbers = np.array(frames, dtype=np.int64)
     if not frames:
         raise DatasetError(path, count or "lines", "a line per frame, numbers ascending", "none")
-    read = np.array(values).reshape(len(frames), 1, len(joints), 3)
-    people = joints_of(path, "line", read[..., :2], read[..., 2], clip=True)
+    every = np.array(values).reshape(len(frames), 1, len(joints), 3)
+    people = joints_of(path, "line", every[..., :2], every[..., 2], clip=True)
     # (0, 0) may be a missing one
     placed = people[np.isfinite(people[..., 0]) & people[..., :2].any(axis=-1), :2]
     small = np.count_nonzero((placed >= 0.0) & (placed <= NORMALISED)) >= max(NEARLY_ALL * placed.size, 1)
@@ -107,11 +106,17 @@ def _note_unsure(path: Path, joints: Sequence[str], header: Collection[str]) -> 
     without = tuple(joint for joint in joints if f"{joint}_{_sure(joint, header)}" not in header)
     if 0 < len(without) < len(joints):
         sentence = f"{path}: {listed(without)} without a confidence, as others have, count as certain."
-        warn(
-            Finding(
-                "confidence_lacking", "warning", Subject((), without, (), (str(path),)), sentence=sentence
-            )
+        subject = Subject(joints=without, files=(str(path),))
+        warn(Finding("confidence_lacking", "warning", subject, sentence=sentence))
+
+
+def _note_times(path: Path, header: Sequence[str]) -> None:
+    """Note a column of times, which number no frames."""
+    for name in (name for name in header if name.lower() in _TIMES):
+        sentence = (
+            f"{path}: {name} is not read: lines count from frame 0, unless a column frame numbers them."
         )
+        warn(Finding("times_unused", "note", Subject(files=(str(path),)), sentence=sentence))
 
 
 def _counted(joints: Sequence[str]) -> bool:
