@@ -42,6 +42,18 @@ def numbers(value: object, name: str) -> NDArray[np.float64]:
     return array.copy(order="C")
 
 
+def pixels(value: object, name: str) -> NDArray[np.float64]:
+    """Return detections (T, M, …) as `numbers` does; a view with coordinates from 0 to 1 is an error."""
+    given = numbers(value, name)
+    if given.ndim > 2:
+        of_views = np.moveaxis(given[..., :2], 1, 0).reshape(given.shape[1], -1)
+        largest = np.fmax.reduce(np.abs(of_views), axis=1, initial=0.0)
+        if ((largest > 0.0) & (largest <= 1.0)).any():
+            expected = "pixels; multiply them by the image's width and height"
+            raise InvalidInputError(f"{name}: expected {expected}, got coordinates from 0 to 1")
+    return given
+
+
 def whole_numbers(value: object, name: str) -> NDArray[np.int64]:
     """Return `value` as int64; a masked entry, a missing one or a fraction is an `InvalidInputError`."""
     array = _read(value, name)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelsplat import layouts
-from skelsplat._arrays import Array, numbers, positive
+from skelsplat._arrays import Array, numbers, pixels, positive
 from skelsplat._clocks import in_step
 from skelsplat._frozen import frozen, without_frozen
 from skelsplat._placing import Steps, Task
@@ -249,7 +249,7 @@ def calibrate_cameras(
 
 def _recording(detections: ArrayLike, views: int, layout: Layout) -> Array:
     """Return detections (T, M, P, N, 2|3) with what repeats an older image missing."""
-    given = numbers(detections, "detections")
+    given = pixels(detections, "detections")
     if np.isinf(given).any():
         raise InvalidInputError("detections: expected pixels, NaN for missing, got an infinite number")
     seen = given[:, :, None] if given.ndim == 4 else given

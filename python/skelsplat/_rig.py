@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skelsplat import _skelsplat
-from skelsplat._arrays import Array, numbers, whole_numbers
+from skelsplat._arrays import Array, numbers, pixels, whole_numbers
 from skelsplat._clocks import in_step
 from skelsplat._frozen import frozen, without_frozen
 from skelsplat._refine import Cameras
@@ -145,7 +145,7 @@ def adjust_cameras(
     rig = cameras if isinstance(cameras, CameraRig) else CameraRig(cameras)
     named = [free] if isinstance(free, str) else free
     chosen = None if named is None else [_number(rig, one) for one in named]
-    seen = numbers(detections, "detections")
+    seen = pixels(detections, "detections")
     if seen.ndim == 4:
         seen = without_frozen(seen, frozen(seen))
     when = None if times is None else whole_numbers(times, "times")

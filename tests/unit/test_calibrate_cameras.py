@@ -358,6 +358,7 @@ MIXED = [*list(RIG)[:3], BLANK[3]]
         ("same_focal", {"same_focal": True}),
         ("detections", {"detections": walk()[:, [0, 1, 1, 3]]}),
         ("detections", {"intrinsics": [sk.Intrinsics(size=(400, 300)) for _ in RIG]}),
+        ("detections", {"detections": walk() / 2000.0}),
         ("detections", {"detections": np.where(walk() > 700, np.inf, walk())}),
         ("size", {"intrinsics": [sk.Intrinsics(size=None) for _ in RIG]}),
         ("intrinsics", {"intrinsics": [sk.Intrinsics(one.size, K=np.eye(3)) for one in RIG]}),

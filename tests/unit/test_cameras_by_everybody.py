@@ -146,6 +146,11 @@ def test_a_joint_that_one_view_has_wrong_for_twenty_frames_turns_no_camera() -> 
     assert not sk.adjust_cameras(seen, list(RIG)[:3]).of("adjusted", "late")
 
 
+def test_coordinates_from_0_to_1_are_no_pixels(detections) -> None:
+    with pytest.raises(sk.InvalidInputError, match="from 0 to 1"):
+        sk.adjust_cameras(detections / 2000.0, RIG)
+
+
 def test_cameras_may_be_named(detections) -> None:
     by_name, by_number = (sk.adjust_cameras(detections, KNOCKED, free=one) for one in (RIG.names[2], [2]))
     assert by_name.cameras == by_number.cameras
