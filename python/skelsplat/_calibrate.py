@@ -157,6 +157,7 @@ class RigCalibration:
     up_sigma: float
     doubts: tuple[str, ...] = ()
     people: tuple[Array, ...] = field(default=(), repr=False, compare=False)
+    stature: float = math.nan  # of the person, or the mean of several, m, by the proportions of people
 
     @property
     def clocks(self) -> dict[str, float]:
@@ -362,7 +363,8 @@ def _in_world(
     wrong = ["lenses"] if any(one.zoom != 1.0 for one in report) else []
     wide = [] if wrong or _are_small(there, points, scale, report, joint_sigma) else ["places"]
     every = (*still, *doubts, *wrong, *wide)  # of somebody who stands still, clocks say nothing
-    return RigCalibration(placed, report, scale_sigma, up_sigma, every, tuple(found["people"]))
+    seen = tuple(found["people"])
+    return RigCalibration(placed, report, scale_sigma, up_sigma, every, seen, tall / _SHOWN[0])
 
 
 def _joints(one: Array, cameras: CameraRig, clocks: Mapping[int, float], part: float) -> Array:

@@ -312,6 +312,7 @@ def test_stature_gives_the_scale() -> None:
     tall, adult = sk.calibrate_cameras(walk(), list(RIG), layout=LAYOUT, stature=1.9), known()
     a, b = (np.asarray(found.cameras[0].centre) - found.cameras[2].centre for found in (tall, adult))
     assert np.linalg.norm(a) / np.linalg.norm(b) == pytest.approx(1.9 / 1.7)
+    assert (tall.stature, adult.stature) == pytest.approx((1.9, 1.7))
     # What is left is how well bones tell a stature; the spread of adults is 90 mm.
     assert tall.scale_sigma > 0.0
     assert adult.scale_sigma == pytest.approx(np.hypot(tall.scale_sigma, 90 / 1700))
@@ -326,7 +327,10 @@ def test_a_distance_gives_the_scale_of_anything() -> None:
     apart = np.asarray(found.cameras[0].centre) - found.cameras[2].centre
     assert np.linalg.norm(apart) == pytest.approx(7500.0)
     assert found.scale_sigma == 0.0
-    assert np.isnan(found.up_sigma)
+    assert np.isnan([found.up_sigma, found.stature]).all()
+    metres = float(np.linalg.norm(np.asarray(known().cameras[0].centre) - known().cameras[2].centre)) / 1000
+    larger = sk.calibrate_cameras(walk(), list(RIG), layout=LAYOUT, distance=(0, 2, 1.1 * metres))
+    assert larger.stature == pytest.approx(1.1 * 1.7)
 
 
 def test_without_a_person_the_world_is_that_of_the_first_camera() -> None:

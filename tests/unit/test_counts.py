@@ -13,12 +13,12 @@ from planted import FAULTS
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 40_295,
+    "package": 40_311,
     "cli": 3_906,
-    "core": 20_130,
+    "core": 20_136,
     "binding": 2_764,
     "Rust tests": 6_067,
-    "Python tests": 26_934,
+    "Python tests": 26_952,
     "benchmarks and tools": 3_993,
     "docs, words": 41_954,
     "README, words": 1_461,

@@ -93,9 +93,8 @@ def calibrate(
     """Find where the cameras are from the detections of people who walk about.
 
     No board is needed: somebody walks two metres, turns around and raises the
-    arms, for ten seconds. The written calibration is in mm, with z up and the
-    origin on the floor. The last line that is printed refines the recording.
-    Of several recordings of the same person and cameras, the evidence adds up.
+    arms, for ten seconds. The calibration is in mm, with z up and the origin on
+    the floor. Several recordings of the same person and cameras add up.
 
     [bold]Examples[/bold]
 
@@ -107,10 +106,9 @@ def calibrate(
     options.check_output("--output", output, source, "calibration", WRITTEN, force=force)
     _check_report(report, source, force=force)
     with progress("steps", first="finding cameras") as show:
-        tell = partial(show, "finding cameras")
-        found = run_calibration(detections, progress=tell, **options.reading(given))
-    sure = found.found.sure
-    commands = []
+        asked = options.reading(given)
+        found = run_calibration(detections, progress=partial(show, "finding cameras"), **asked)
+    sure, commands = found.found.sure, []
     if sure:
         note = f"skelsplat calibrate: from the detections {', '.join(path.name for path in detections)}"
         write_calibration(output, found.found.cameras, note=note, adjusted=True)
@@ -177,14 +175,16 @@ def _print(found: Calibrated, output: Path, report: Path | None, again: list[str
 
 def _world(found: Calibrated) -> str:
     """Return where the scale and up are from, with error bars."""
-    bar = f"{100 * found.found.scale_sigma:.1f}%"
+    result = found.found
+    bar, stature = f"{100 * result.scale_sigma:.1f}%", result.stature
+    tall = f", by which people are {stature:.2f} m tall" if math.isfinite(stature) else ""
     lengths = {
         "adults": f"± {bar}: a stature of 1.70 ± 0.09 m is assumed (see --stature, --distance)",
         "stature": f"± {bar}, from the stature",
-        "distance": "from the distance of two cameras",
+        "distance": f"from the distance of two cameras{tall}",
     }
-    up = f"z is up, ± {number(found.found.up_sigma)}°"
-    if not math.isfinite(found.found.up_sigma):
+    up = f"z is up, ± {number(result.up_sigma)}°"
+    if not math.isfinite(result.up_sigma):
         up = "z is not up: nobody stands, or the layout lacks ankles, shoulders or a head"
-    joints = f"error bars of joints include ± {number(found.found.cameras.joint_sigma)} mm"
+    joints = f"error bars of joints include ± {number(result.cameras.joint_sigma)} mm"
     return f"Lengths are {lengths[found.scale]}; {up}; {joints}."

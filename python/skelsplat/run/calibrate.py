@@ -74,7 +74,7 @@ class Calibrated:
         return {
             "unit": result.cameras.unit,
             "frames": sum(one.frames for one in self.recordings),
-            "scale": {"from": self.scale, "relative_sigma": result.scale_sigma},
+            "scale": {"from": self.scale, "relative_sigma": result.scale_sigma, "stature_m": result.stature},
             "up_sigma_degrees": result.up_sigma,
             "joint_sigma_mm": result.cameras.joint_sigma,
             "cameras": self.cameras,
