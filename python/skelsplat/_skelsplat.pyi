@@ -210,6 +210,9 @@ class Layout:
     def lengths(self) -> tuple[tuple[tuple[int, int], float, float], ...]:
         """Triples ((joint, joint), length in mm, sigma in mm) of the limbs whose length is known."""
     @property
+    def proportions(self) -> tuple[tuple[tuple[int, int], float, float], ...]:
+        """Triples ((joint, joint), length over stature, relative sigma) of limbs that people have."""
+    @property
     def angles(self) -> tuple[tuple[str, tuple[int, ...], float, float], ...]:
         """Quadruples (name, joints, sign, offset in degrees) of the layout's own joint angles."""
     @property

@@ -145,6 +145,16 @@ def test_a_limb_whose_length_varies_is_no_bone():
     assert set(found.subject.joints) == {"left_wrist", "right_wrist"}
 
 
+@pytest.mark.parametrize("wrong", [("hip", "knee"), ("elbow", "wrist")])
+def test_joints_in_another_order_make_no_person(wrong):
+    pairs = [[BODY.joints.index(f"{side}_{one}") for one in wrong] for side in ("left", "right")]
+    detections = moving(60).detections.copy()
+    for pair in pairs:
+        detections[:, :, pair] = detections[:, :, pair[::-1]]
+    (found,) = findings(SimpleNamespace(detections=detections))
+    assert found.kind == "bones_unlike_people"
+
+
 def test_neither_a_period_nor_stillness_is_a_lag():
     squats = exercise("squats", 2.0, np.random.default_rng([0, 4, 0]))[:45]
     sitting = still("sitting", np.random.default_rng([0, 3, 0]))[:100]

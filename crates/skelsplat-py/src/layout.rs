@@ -4,6 +4,7 @@ use pyo3::Borrowed;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
 use skelsplat_core::Error;
+use skelsplat_core::study::bones::population::proportions;
 use skelsplat_core::{KnownLength, Layout as Core, LayoutSpec, OwnAngle, SymmetricPair};
 
 use crate::args::{JointNames, Name, Rebuilt, Tier, object, rebuilt, repr, type_name};
@@ -246,6 +247,13 @@ impl Layout {
         let ends = |l: &KnownLength| (self.0.limbs[l.limb][0], self.0.limbs[l.limb][1]);
         let known = self.0.lengths.iter();
         PyTuple::new(py, known.map(|l| (ends(l), l.mean_mm, l.sigma_mm)))
+    }
+
+    /// Triples ((joint, joint), length over stature, relative sigma) of limbs that people have.
+    #[getter]
+    fn proportions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let rows = proportions(&self.0).into_iter();
+        PyTuple::new(py, rows.map(|p| ((p.joints[0], p.joints[1]), p.ratio, p.spread)))
     }
 
     /// Quadruples (name, joints, sign, offset in degrees) of the layout's own joint angles.

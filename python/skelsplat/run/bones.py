@@ -10,7 +10,7 @@ import skelsplat as sk
 from skelsplat._arrays import Array, Index, medians
 from skelsplat._people import limbs_differ
 from skelsplat._words import length, percent
-from skelsplat.findings import Finding, Subject
+from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.run.frames import some
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome
@@ -42,7 +42,8 @@ def find_bones(inputs: Inputs, alone: Outcome) -> Iterator[Finding]:
     lengths, sigmas = lengths_mm(alone.result, limbs, inputs.rig.mm_per_unit)
     usual = medians(lengths)
     yield from _contradicted(layout, alone.config, usual[n:])
-    yield from filter(None, [limbs_differ(layout, usual[:n].reshape(-1, 2))])
+    differ = limbs_differ(layout, usual[:n].reshape(-1, 2))
+    yield from [differ] if differ else _unlike_people(layout, usual[n:], medians(sigmas)[n:])
     yield from list(_changed(lengths[n:])) or find_lengths(layout, limbs, n, lengths, sigmas)
 
 
@@ -91,6 +92,28 @@ def find_lengths(
         words += "they are no bone."
         numbers = {"relative_range": relative, "range_mm": ends, "off_share": share}
         yield Finding("limb_lengths_vary", "warning", Subject(joints=(a, b)), numbers, sentence=words)
+
+
+def _unlike_people(layout: sk.Layout, lengths: Array, sigmas: Array) -> Iterator[Finding]:
+    """Yield a finding on the bone that is least like a person's with the other bones, if implausible."""
+    bones = [layout.limbs.index(ends) for ends, _, _ in layout.proportions]
+    ratios, spreads = np.array([row[1:] for row in layout.proportions]).reshape(-1, 2).T
+    logs = np.log(lengths[bones] / ratios)
+    usual = finite_median(logs)
+    off = np.nan_to_num(np.abs(logs - usual) / np.hypot(spreads, sigmas[bones] / lengths[bones]))
+    worst = int(off.argmax()) if off.max(initial=0.0) > _SIGMAS else -1
+    if worst >= 0:
+        a, b = (layout.joints[joint] for joint in layout.proportions[worst][0])
+        long, factor = float(lengths[bones[worst]]), float(np.exp(logs[worst] - usual))
+        words = f"{a} to {b} is {length(long, 0, 10.0)} mm long, {factor:.1f} times as long as for a person "
+        words += "with the other bones. Does the detector give its joints in the order of the layout?"
+        yield Finding(
+            "bones_unlike_people",
+            subject=Subject(joints=(a, b)),
+            numbers={"length_mm": long, "factor": factor},
+            remedy=(Remedy("layout", None),),
+            sentence=words,
+        )
 
 
 def _contradicted(layout: sk.Layout, config: sk.RefineConfig, measured: Array) -> Iterator[Finding]:

@@ -38,7 +38,7 @@ settings! {
              marks it as unknown. None: 20 for all.";
         step_tolerance: f64 = Annealing::TOLERANCE, Domain::Positive, "",
             "Converged when the kernels have reached their final width and no joint moves by more \
-             than this fraction of the noise.";
+             than this fraction of its standard deviation.";
     }
 }
 
