@@ -3,7 +3,7 @@
     python benchmarks/calibrate.py [--views 4] [--cases known --cases "known, useless"] [--takes 20]
     python benchmarks/calibrate.py --real FOLDER [--subjects S1]      Human3.6M, of tools/h36m_hourglass.py
     python benchmarks/calibrate.py --cases known --peers OpenCV --peers Aniposelib      others, known lenses
-    python benchmarks/calibrate.py --frames 500 --frames 4000      memory, four views, known lenses
+    python benchmarks/calibrate.py --frames 500 --frames 4000      memory and time
 
 Simulated: ten seconds (with clocks: twenty, started up to ten apart) at 30 Hz of CMU takes of one subject,
 each begun where the one before ended (without the data: the package's synthetic motions), and detections with
@@ -390,11 +390,12 @@ def table(
     return Table.of(title, "case", rows)
 
 
-def spent(frames: int) -> dict[str, float]:
+def spent(views: int, frames: int) -> dict[str, float]:
     """Return the largest resident set, MB, of this process when it has calibrated by so many frames."""
-    one = simulated(4, 0, "known")
+    one = simulated(views, 0, "known")
+    lenses = one.true if views <= 4 else [sk.Intrinsics(camera.size) for camera in one.true]
     seen, begun = np.resize(one.detections, (frames, *one.detections.shape[1:])), time.process_time()
-    sk.calibrate_cameras(seen, one.true, layout=one.layout, config=ONE_THREAD)
+    sk.calibrate_cameras(seen, lenses, layout=one.layout, config=ONE_THREAD)
     return {"peak MB": lab.peak_mib(), "CPU s": time.process_time() - begun}
 
 
@@ -412,8 +413,9 @@ def calibrate(
     """Measure simulated recordings, or the real ones of a folder, or what so many frames cost."""
     warnings.simplefilter("ignore")
     if frames:
-        rows = {f"{count:,}": lab.alone(spent, count) for count in frames}
-        yield Table.of("4 views, known lenses", "frames", rows)
+        for n in (4, 8):
+            rows = {f"{count:,}": lab.alone(spent, n, count) for count in frames}
+            yield Table.of(f"{n} views, {'un' * (n > 4)}known lenses", "frames", rows)
         return
     if real is not None:
         paths = sorted(path for path in real.glob("*.npz") if path.stem.split("_")[0] in subjects)

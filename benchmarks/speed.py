@@ -114,23 +114,17 @@ def memory() -> Table:
     return Table.of("memory", "frames", rows, digits=0)
 
 
-def mib(way: str, frames: int = 1) -> float:
-    """Return the largest resident set when frames are refined, MiB; by the paper's settings its increase."""
-    before = 0.0
-    if way == "paper":
-        by_paper(max_steps=0)()
-        before = lab.peak_mib()
-        by_paper()()
+def mib(way: str, frames: int) -> float:
+    """Return the largest resident set when frames are refined, MiB."""
+    rig, seen = recorded(1000)
+    given = {"fps": FPS, "layout": "h36m17"}
+    chunk = np.tile(seen, (PIECE // len(seen), 1, 1, 1))
+    if way == "whole":
+        sk.refine_sequence(np.concatenate([chunk] * (frames // PIECE)), rig, **given)
     else:
-        rig, seen = recorded(1000)
-        given = {"fps": FPS, "layout": "h36m17"}
-        chunk = np.tile(seen, (PIECE // len(seen), 1, 1, 1))
-        if way == "whole":
-            sk.refine_sequence(np.concatenate([chunk] * (frames // PIECE)), rig, **given)
-        else:
-            chunks = partial(itertools.repeat, chunk, frames // PIECE)
-            collections.deque(sk.refine_batches(chunks, rig, **given), maxlen=0)
-    return lab.peak_mib() - before
+        chunks = partial(itertools.repeat, chunk, frames // PIECE)
+        collections.deque(sk.refine_batches(chunks, rig, **given), maxlen=0)
+    return lab.peak_mib()
 
 
 def refine(*, frames: int = 100_000) -> Table:
@@ -165,13 +159,12 @@ def written(folder: Path, frames: int, rig: sk.CameraRig) -> np.ndarray:
 
 
 def paper() -> Table:
-    """Time the paper's settings, 17 joints, 4 views, all 125 steps, one core; memory is of one refinement.
+    """Time the paper's settings, 17 joints, 4 views, all 125 steps, one core.
 
-    Times are the median of repeated calls of ``skelsplat.refine`` from Python, everything included; memory is
-    the increase of the peak resident size, measured in a fresh process.
+    Times are the median of repeated calls of ``skelsplat.refine`` from Python, everything included.
     """
     times = [lab.seconds(by_paper()) for _ in range(1 + CALLS)][1:]
-    row = {"ms": 1e3 * statistics.median(times), "peak memory, MiB": lab.alone(mib, "paper")}
+    row = {"ms": 1e3 * statistics.median(times)}
     return Table.of("RefineConfig.paper(), 17 joints, 4 views", "", {"one pose": row})
 
 

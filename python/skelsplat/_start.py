@@ -24,6 +24,8 @@ LEAST_JOINTS = 60
 # The most from which its pose is found, with so many samples at most; and those by which lags compare.
 _FOUND = (3000, 1000)
 COMPARED = (800, 100)
+# From so many it follows on which side of both cameras they are.
+_IN_FRONT = 200
 # Largest distance of a joint from its epipolar line that MAGSAC considers, and from where a pair places it,
 # relative to the image's longer side: depths from two views are uncertain.
 _FROM_LINE = 0.004
@@ -165,10 +167,12 @@ def relative(
     cv2, unit = opencv(_PURPOSE), np.eye(3)
     options = {"method": cv2.USAC_MAGSAC, "prob": 0.9999, "threshold": farthest, "maxIters": samples}
     essential, inliers = cv2.findEssentialMat(first, second, unit, **options)
-    if essential is None or essential.shape != (3, 3):
+    if essential is None or essential.shape != (3, 3) or not inliers.any():
         return None
-    count, R, t, _ = cv2.recoverPose(essential, first, second, unit, mask=inliers)
-    return R, t.ravel(), float(count / np.sqrt(len(first)))
+    agreed = np.flatnonzero(inliers)
+    some = agreed[:: max(1, len(agreed) // _IN_FRONT)]
+    count, R, t, _ = cv2.recoverPose(essential, first[some], second[some], unit)
+    return R, t.ravel(), float(count / len(some) * len(agreed) / np.sqrt(len(first)))
 
 
 def speeds_of(rays: Array) -> Array:

@@ -13,14 +13,14 @@ from planted import FAULTS
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 40_334,
+    "package": 40_338,
     "cli": 3_906,
     "core": 20_136,
     "binding": 2_772,
     "Rust tests": 6_067,
     "Python tests": 26_962,
-    "benchmarks and tools": 3_993,
-    "docs, words": 41_952,
+    "benchmarks and tools": 3_988,
+    "docs, words": 41_950,
     "README, words": 1_461,
 }
 
