@@ -390,10 +390,10 @@ def table(
     return Table.of(title, "case", rows)
 
 
-def spent(views: int, frames: int) -> dict[str, float]:
+def spent(views: int, known: bool, frames: int) -> dict[str, float]:
     """Return the largest resident set, MB, of this process when it has calibrated by so many frames."""
     one = simulated(views, 0, "known")
-    lenses = one.true if views <= 4 else [sk.Intrinsics(camera.size) for camera in one.true]
+    lenses = one.true if known else [sk.Intrinsics(camera.size) for camera in one.true]
     seen, begun = np.resize(one.detections, (frames, *one.detections.shape[1:])), time.process_time()
     sk.calibrate_cameras(seen, lenses, layout=one.layout, config=ONE_THREAD)
     return {"peak MB": lab.peak_mib(), "CPU s": time.process_time() - begun}
@@ -413,9 +413,9 @@ def calibrate(
     """Measure simulated recordings, or the real ones of a folder, or what so many frames cost."""
     warnings.simplefilter("ignore")
     if frames:
-        for n in (4, 8):
-            rows = {f"{count:,}": lab.alone(spent, n, count) for count in frames}
-            yield Table.of(f"{n} views, {'un' * (n > 4)}known lenses", "frames", rows)
+        for n, lenses in ((4, "known"), (8, "unknown")):
+            rows = {f"{count:,}": lab.alone(spent, n, lenses == "known", count) for count in frames}
+            yield Table.of(f"{n} views, {lenses} lenses", "frames", rows)
         return
     if real is not None:
         paths = sorted(path for path in real.glob("*.npz") if path.stem.split("_")[0] in subjects)

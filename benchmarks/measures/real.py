@@ -158,7 +158,7 @@ def _mixed(stills: Stills, found: Everybody, matched: NDArray[np.int64]) -> int 
 
 
 def _boxed(stills: Stills, frame: int, view: int, slot: int) -> int | None:
-    """Return the labelled person whose box contains most of a detection's joints, the best of several."""
+    """Return the labelled person whose box contains most of a detection's joints, the best if several do."""
     matched = np.flatnonzero(stills.match[frame, :, view] == slot)
     if len(matched):
         return int(matched[0])

@@ -287,10 +287,8 @@ def _check_images(seen: Array, cameras: Sequence[Camera]) -> None:
         middles.append(np.percentile(pixels, [1, 99], axis=0).mean(axis=0) / camera.size)
     x, y = np.mean(middles or [[0.5, 0.5]], axis=0).tolist()
     if max(x, y) < _UPPER_LEFT:
-        sentence = (
-            f"The middle of the detections is at {percent(x)} of the images' width and {percent(y)} of "
-        )
-        sentence += "their height. Are they from images of this size?"
+        sentence = f"The middle of the detections is at {percent(x)} of the images' width and "
+        sentence += f"{percent(y)} of their height. Are they from images of this size?"
         warn(Finding("image_sizes_differ", numbers={"x": x, "y": y}, sentence=sentence))
     points = np.mean([(np.asarray(one.K)[:2, 2] + 0.5) / one.size for one in cameras], axis=0)
     if np.abs(points - 0.5).max() > _OFF_MIDDLE:

@@ -95,7 +95,7 @@ def find_lengths(
 
 
 def _unlike_people(layout: sk.Layout, lengths: Array, sigmas: Array) -> Iterator[Finding]:
-    """Yield a finding on the bone that is least like a person's with the other bones, if implausible."""
+    """Yield a finding on the bone that fits the person's other bones least, if it does not fit them."""
     bones = [layout.limbs.index(ends) for ends, _, _ in layout.proportions]
     ratios, spreads = np.array([row[1:] for row in layout.proportions]).reshape(-1, 2).T
     logs = np.log(lengths[bones] / ratios)
@@ -105,8 +105,8 @@ def _unlike_people(layout: sk.Layout, lengths: Array, sigmas: Array) -> Iterator
     if worst >= 0:
         a, b = (layout.joints[joint] for joint in layout.proportions[worst][0])
         long, factor = float(lengths[bones[worst]]), float(np.exp(logs[worst] - usual))
-        words = f"{a} to {b} is {length(long, 0, 10.0)} mm long, {factor:.1f} times as long as for a person "
-        words += "with the other bones. Does the detector give its joints in the order of the layout?"
+        words = f"{a} to {b} is {length(long, 0, 10.0)} mm long, {factor:.1f} times what the person's other "
+        words += "bones suggest. Are the detector's joints in the order of the layout?"
         yield Finding(
             "bones_unlike_people",
             subject=Subject(joints=(a, b)),

@@ -176,7 +176,7 @@ class _Seen:
         return found if clock or any(found.clocks.values()) else None
 
     def skipped(self, found: sk.RigCalibration, people: Array, several: bool) -> Iterator[Finding]:
-        """Name cameras whose frame numbers change in this recording, one of ``several``."""
+        """Name cameras that skipped frames in this recording, which may be one of ``several``."""
         one = self.recording
         read, name = one.detections, str(one.path) if several else ""
         scene = Scene(found.cameras, people, self.frames, read.skeleton, read_as(read))
@@ -262,7 +262,7 @@ def _check_lenses(
 def _opened(
     paths: Sequence[Path], intrinsics: Path | None, read: dict[str, Any], videos: Path | None, given: Any
 ) -> list[_Recording]:
-    """Open recordings, whose lenses are known or not, all of the same cameras and joints."""
+    """Open recordings of the same cameras and joints; the lenses may be unknown."""
     if intrinsics is not None:
         recordings = [_with_lenses(path, intrinsics, read, **given) for path in paths]
     else:
@@ -373,8 +373,10 @@ def _with_lenses(
     for finding in unusual_lenses(opened.rig):
         warn(finding)
     if opened.rig.joint_sigma:
-        words = f"The cameras of {intrinsics.name} were found from people. Its lenses count as exact: error "
-        words += "bars lack theirs if they were found as well. Without the file, they are found anew."
+        words = f"The cameras of {intrinsics.name} were found from people. Their lenses are taken as exact, "
+        words += (
+            "so error bars are too small if these were estimated too. Leave the file out to find them again."
+        )
         warn(Finding("cameras_estimated", "note", Subject(files=(str(intrinsics),)), sentence=words))
     renamed = bool(without or given.get("order"))
     return _Recording(detections, opened.detections, tuple(opened.rig), renamed)

@@ -47,7 +47,7 @@ def of_moved(found: sk.RigCalibration, times: Sequence[tuple[int, str]]) -> Iter
 def of_skipped(
     found: sk.RigCalibration, lenses: Sequence[sk.Intrinsics | sk.Camera], scene: Scene, recording: str = ""
 ) -> Iterator[Finding]:
-    """Name cameras whose frame numbers change, as where frames were skipped, if some contradict the others.
+    """Name cameras whose frame numbers change, as if frames were skipped, if some contradict the others.
 
     The ``scene`` has the people of all cameras, in frames; a ``recording`` is one of several.
     """
